@@ -39,7 +39,7 @@ def main() -> int:
     parser.add_argument(
         "--cameras", type=_count, nargs="+", default=[4, 8, 16], help="how many cameras to play, the body's first ones"
     )
-    parser.add_argument("--delays", type=int, nargs="+", default=[0], help="values of smoother.output_delay")
+    parser.add_argument("--delays", type=int, nargs="+", default=[0], help="values of estimator.output_delay")
     parser.add_argument(
         "--rate", type=_rate, default=0.0, help="times the recorded speed; by default as fast as nothing queues"
     )
@@ -97,7 +97,7 @@ def _play(arguments: argparse.Namespace, cameras: Sequence[str], rate: float, de
             noted = play_live(*inputs, cameras, rate, delay, arguments.registrations, arguments.one_process)
         latency = latency_of(chain.from_iterable(noted.values()))
         if not len(latency.stamps_ns):
-            raise RecordingError(f"{arguments.recording}: no instant was solved; is it too short?")
+            raise RecordingError(f"{arguments.recording}: no state was solved; is it too short?")
         if arguments.rate or latency.way_s <= frame_s / rate:
             processes = [list(chain.from_iterable(noted.values()))] if arguments.one_process else noted.values()
             return _Played(len(cameras), rate, delay, latency, cost_of_image(processes))
@@ -143,7 +143,7 @@ def _ms(seconds: float) -> str:
 
 def _explanation() -> str:
     return (
-        f"All in ms on {os.cpu_count()} cores. Stages: medians, of the camera that an instant waited for; 'track' "
+        f"All in ms on {os.cpu_count()} cores. Stages: medians, of the camera that a state waited for; 'track' "
         "decodes too, 'way' is messages and busy processes, 'later' the wait for later frames (output_delay). Below "
         "rate 1 the recording was played so much slower, so that nothing queues, and 'later' is longer by as much; "
         "'at 1' is the median (p50) without that."

@@ -1,7 +1,7 @@
 """Where the time goes between an image and the joint state that it is part of, and what each process costs.
 
-The clock of an instant starts when the first image of it is published: the time of exposure is the camera's own affair.
-What follows is that of the camera whose landmarks reach the solver last, the one that the instant waited for.
+The clock of a state starts when the first image of it is published: the time of exposure is the camera's own affair.
+What follows is that of the camera whose landmarks reach the solver last, the one that the state waited for.
 
 Every node is a process of its own, or all are in one.
 
@@ -48,7 +48,7 @@ play: the other cameras' images, which the player publishes one after the other 
 track: in the tracker, which decodes as well; its queue is not included.
 register: in the registration.
 way: between processes; the queues of those that are busy with another image or camera are in it.
-later: landmarks are at the solver, but the instant waits for later ones (``output_delay``, the assembler).
+later: landmarks are at the solver, but the state waits for later ones (``output_delay``, the assembler).
 solve: in the solver, up to the joint state's publication.
 """
 
@@ -56,7 +56,7 @@ _SAME_INSTANT_NS = 8_000_000
 """Cameras' stamps apart, as the assembler takes them together."""
 
 _WARM_UP = 2 / 3
-"""Share of the instants: the first images find their place in the whole map, the solver waits for its first second and
+"""Share of the states: the first images find their place in the whole map, the solver waits for its first second and
 solves it at once, and what queued meanwhile has to go."""
 
 _OF_CAMERA = (
@@ -75,7 +75,7 @@ class Latency:
     """From image to joint state.
 
     Attributes:
-        stamps_ns: (N,) instants, ascending: the last third of a run.
+        stamps_ns: (N,) states, ascending: the last third of a run.
         stages_s: (N, 6) what each of ``STAGES`` took; the sum of a row is the latency.
     """
 
@@ -84,7 +84,7 @@ class Latency:
 
     @property
     def total_s(self) -> NDArray[np.float64]:
-        """(N,) latency of each instant."""
+        """(N,) latency of each state."""
         return np.asarray(self.stages_s.sum(axis=1))
 
     def total_in_real_time_s(self, rate: float) -> NDArray[np.float64]:
@@ -93,13 +93,13 @@ class Latency:
 
     @property
     def way_s(self) -> float:
-        """What an instant spends on the way in the median: where that is longer than between two images, they queue."""
+        """What a state spends on the way in the median: where that is longer than between two images, they queue."""
         of_instants = self.stages_s[:, STAGES.index("way")]
         return float(np.median(of_instants)) if len(of_instants) else float("inf")
 
 
 def latency_of(noted: Iterable[Noted]) -> Latency:
-    """The latency of every instant of which all moments were noted.
+    """The latency of every state of which all moments were noted.
 
     Args:
         noted: by all processes.
@@ -116,7 +116,7 @@ def latency_of(noted: Iterable[Noted]) -> Latency:
             of_camera[note.camera][note.moment][note.stamp_ns] = note.at.steady_ns
     chains = {camera: _chains(moments) for camera, moments in of_camera.items()}
     stamps, stages = [], []
-    # An instant at either end of the run can lack a moment: it began before the notes did, or never ended.
+    # A state at either end of the run can lack a moment: it began before the notes did, or never ended.
     for stamp_ns in sorted(begun.keys() & solved.keys()):
         found = (_nearest(*of_one, stamp_ns) for of_one in chains.values())
         near = [one for one in found if one is not None and one[-1] <= solved[stamp_ns]]
@@ -141,14 +141,14 @@ def _nearest(stamps_ns: NDArray[np.int64], rows: NDArray[np.int64], stamp_ns: in
     return rows[nearest] if abs(int(stamps_ns[nearest]) - stamp_ns) <= _SAME_INSTANT_NS else None
 
 
-def _stages(chains: Sequence[NDArray[np.int64]], begun_ns: int, solved_ns: int) -> tuple[int, ...]:
-    """What each stage took of one instant [ns], by the chains of all cameras that it has."""
+def _stages(chains: Sequence[NDArray[np.int64]], start_ns: int, solved_ns: int) -> tuple[int, ...]:
+    """What each stage took of one state [ns], by the chains of all cameras that it has."""
     first_ns = min(int(chain[0]) for chain in chains)
     awaited = max(chains, key=lambda one: int(one[-1]))
     played, heard, tracking, tracked, tracks_heard, registered, landmarks = awaited.tolist()
     on_the_way = (tracking - heard) + (heard - played) + (tracks_heard - tracked) + (landmarks - registered)
-    # The solver may begin an instant in the same call in which it hears of it, and notes the beginning after.
-    waited = max(0, begun_ns - landmarks)
+    # The solver may begin a state in the same call in which it hears of it, and notes the beginning after.
+    waited = max(0, start_ns - landmarks)
     return (
         played - first_ns,
         tracked - tracking,
@@ -259,7 +259,7 @@ def _play(commands: Mapping[str, Sequence[str]], scratch: Path) -> None:
 def _as_measured(node: GraphNode, output_delay: int, scratch: Path) -> GraphNode:
     # Images queue instead of being dropped, so that a queue shows.
     given: dict[str, dict[str, object]] = {
-        "skeleton_solver": {"smoother.output_delay": output_delay},
+        "skeleton_solver": {"estimator.output_delay": output_delay},
         "tracker": {"longest_wait": 0.0},
         _PLAYER: {"reader_wait": _READER_WAIT_S},
     }

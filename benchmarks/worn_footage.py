@@ -1,4 +1,4 @@
-"""Disturb a recording as worn cameras do: python -m benchmarks.worn_footage BAG OUT [--seed 0].
+"""Disturb a recording as body cameras do: python -m benchmarks.worn_footage BAG OUT [--seed 0].
 
 Each camera gets cloth or skin that swings over a third of its pictures, auto exposure in jumps, a smear on the lens,
 noise, and the compression of a phone at a low bit rate. Geometry, stamps and all other messages stay as they are, so

@@ -15,7 +15,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3, rigid
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
@@ -61,7 +61,7 @@ def count_wrong(body: BodyModel, wrong: Wrong) -> tuple[int, int, int, float]:
     errors = []
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
-        estimator = BodyEstimator(body, body.mounts, SmootherSettings(output_delay=0))
+        estimator = BodyEstimator(body, body.mounts, EstimatorSettings(output_delay=0))
         for frame in range(FRAMES):
             poses, matches = true_poses(body, frame), {}
             for camera, mount in body.mounts.items():

@@ -1,4 +1,4 @@
-"""The body at one instant, as it passes from the estimator to messages, files and pictures."""
+"""The body at one time, as it passes from the estimator to messages, files and pictures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ class SegmentPose:
 
 @dataclass(frozen=True)
 class BodyUncertainty:
-    """Covariances at one instant; rotation [rad] first, then translation [m], in the axes of what they speak of.
+    """Covariances at one time; rotation [rad] first, then translation [m], in the axes of what they speak of.
 
     Attributes:
         root: (6, 6) of the root segment's pose.
@@ -41,10 +41,10 @@ class BodyUncertainty:
 
 @dataclass(frozen=True)
 class BodyState:
-    """The pose of every segment at one instant.
+    """The pose of every segment at one time.
 
     Attributes:
-        stamp_ns: the instant [ns].
+        stamp_ns: its time [ns].
         segments: (S) names, in the order of ``BodyModel.segments``.
         world_T_segment: (S, 4, 4) poses [m].
         twists: (S, 6) velocities at the instant, angular [rad/s] then linear [m/s], in the segments' axes.
@@ -74,7 +74,7 @@ class BodyState:
 
 @dataclass(frozen=True)
 class BodyOutput:
-    """What is published about one instant.
+    """What is published about one state.
 
     Attributes:
         state: poses of all segments.
@@ -91,10 +91,10 @@ class BodyOutput:
 
 @dataclass(frozen=True)
 class BodyFrame:
-    """The registrations of one instant, and images of static cameras.
+    """The registrations of one frame, and images of static cameras.
 
     Attributes:
-        stamp_ns: the instant [ns].
+        stamp_ns: its time [ns].
         matches: camera -> its registration; a camera without one is absent.
         images: static camera -> its image.
         is_earlier: whether time went back to it, so that nothing is known of the motion before.

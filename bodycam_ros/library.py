@@ -226,7 +226,7 @@ def replay(
         cameras: models of worn cameras by name; of a bag its own.
         equipment: what the body rides, holds or stands on.
         settings: of all stages.
-        live: states follow by ``smoother.output_delay`` instants alone, and may be as much less accurate.
+        live: states follow by ``estimator.output_delay`` frames alone, and may be as much less accurate.
         imus: camera -> samples of its inertial sensor; of a bag its own.
         static_cameras: files of cameras that stand around the body, if there are any.
 

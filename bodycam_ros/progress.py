@@ -29,7 +29,7 @@ def in_parallel(
     """Results in the order of the items, as they get ready; ``on_result`` is called for each.
 
     Threads are enough: OpenCV computes outside the interpreter's lock. Who stops listening, as by Ctrl-C, does not wait
-    for items that have not begun.
+    for items that have not started.
     """
     pool = ThreadPoolExecutor(max_workers=workers)
     try:

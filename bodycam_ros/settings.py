@@ -7,7 +7,7 @@ joined by a dot, such as ``registrar.min_inliers``.
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 import msgspec
 
@@ -16,6 +16,19 @@ from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_yaml
 
 S = TypeVar("S")
+
+RENAMED: Final = {"smoother": "estimator", "growth": "extension", "extend": "extension", "worn": "body_cameras"}
+"""Group of settings, or parameter, as it was called -> as it is called."""
+
+
+def check_name(name: str, source: str) -> None:
+    """Refuse a group of settings, or a parameter, that has another name by now.
+
+    Raises:
+        SettingsError: it has; the message has the new name.
+    """
+    if name in RENAMED:
+        raise SettingsError(f"{source}: {name} is called {RENAMED[name]} now; rename it there")
 
 
 @dataclass(frozen=True)
@@ -147,6 +160,7 @@ def read_settings_file(path: Path) -> dict[str, dict[str, Any]]:
         if not isinstance(name, str):
             raise SettingsError(f"{path}: {shown(name)} is no name of a group of settings")
         # ROS has two spellings: a mapping under the group's name, and the group joined to the setting by a dot.
+        check_name(name.partition(".")[0], str(path))
         if isinstance(value, dict):
             groups.setdefault(name, {}).update(value)
         elif "." in name:

@@ -153,7 +153,7 @@ from pathlib import Path
 from bodycam_ros.replaying.camera_worker import RegistrationTask, register_images
 from bodycam_ros.pipeline.settings import PipelineSettings
 bags, settings = Path(sys.argv[1]), PipelineSettings()
-settings = replace(settings, growth=replace(settings.growth, enabled=False))  # which waits for another process
+settings = replace(settings, extension=replace(settings.extension, enabled=False))  # which waits for another process
 task = RegistrationTask(bags / "sample/bag", bags / "map", settings)
 images = list(islice(register_images(task, ("head", "foot_left"), queue.Queue()), 6))
 print([image.matches.world_T_camera is not None for image in images], "numba" in sys.modules)

@@ -10,7 +10,7 @@ from helpers.naming import naming
 from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.cli.options import read_settings
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.settings import SettingsGroups, describe, read_settings_file, setting, settings_from_mapping
+from bodycam_ros.settings import RENAMED, SettingsGroups, describe, read_settings_file, setting, settings_from_mapping
 
 
 @dataclass(frozen=True)
@@ -182,3 +182,14 @@ def test_keys_that_are_no_names_are_refused(tmp_path: Path, key: str) -> None:
     file.write_text(f"/**: {{ros__parameters: {{oven: {{{key}: 2}}}}}}")
     with naming(SettingsError, "settings.yaml: oven"):
         settings_from_mapping(OvenSettings, read_settings_file(file)["oven"], "settings.yaml: oven")
+
+
+@pytest.mark.parametrize("old", RENAMED)
+def test_a_name_that_has_changed_is_refused_with_the_new_one(tmp_path: Path, old: str) -> None:
+    file = tmp_path / "settings.yaml"
+    for text in (f"{{{old}: {{heat: 100.0}}}}", f"{{{old}.heat: 100.0}}"):
+        file.write_text(f"/**: {{ros__parameters: {text}}}")
+        with naming(SettingsError, file, old, RENAMED[old]):
+            read_settings_file(file)
+    with naming(SettingsError, f"--{old}.heat", RENAMED[old]):
+        settings_of(f"--{old}.heat", "100")

@@ -12,7 +12,7 @@ from benchmarks.figures.figure import Figure
 from benchmarks.figures.score import score
 
 WHEN = ("0", "4", "offline")
-"""Frames that a state waits for (``smoother.output_delay``)."""
+"""Frames that a state waits for (``estimator.output_delay``)."""
 
 
 def leg(bench: Bench, walk: str, start_s: float = 2.0, end_s: float = 4.0) -> Iterator[Figure]:
@@ -50,7 +50,7 @@ def quarter(bench: Bench, walk: str) -> Iterator[Figure]:
     bag = disturbance.write_disturbed(source, bench.work / "quarter dark", in_turn)
     for delay in WHEN:
         group = f"{walk}, a quarter of the cameras dark, delay {delay}"
-        bench.replay(group, bag, _body(bench, walk), "--smoother.output_delay", delay)
+        bench.replay(group, bag, _body(bench, walk), "--estimator.output_delay", delay)
         yield from _means(group, *_pooled(bench, group, walk, None, None))
 
 
@@ -66,7 +66,7 @@ def _limb(
     bag = disturbance.write_disturbed(bench.recording(walk) / "bag", bench.work / what, change)
     for delay in WHEN:
         group = f"{walk}, {what}, delay {delay}"
-        bench.replay(group, bag, _body(bench, walk), "--smoother.output_delay", delay)
+        bench.replay(group, bag, _body(bench, walk), "--estimator.output_delay", delay)
         yield from _means(group, *_pooled(bench, group, walk, limb, disturbed_s))
 
 

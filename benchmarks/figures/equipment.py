@@ -42,7 +42,7 @@ def without_leg_cameras(bench: Bench) -> Iterator[Figure]:
         bag = disturbance.write_disturbed(bench.recording("dev_cycle") / "bag", bench.work / f"no {what}", gone)
         for delay in delays:
             group = f"dev_cycle with bicycle, without {what}, delay {delay}"
-            flags = ("--equipment", "bicycle", "--smoother.output_delay", delay)
+            flags = ("--equipment", "bicycle", "--estimator.output_delay", delay)
             bench.replay(group, bag, bench.body(), *flags)
             scored = score(bench.out(group), bench.recording("dev_cycle"))
             yield from _legs(group, scored, (start_s, end_s), LEGS)

@@ -90,7 +90,7 @@ def _row(
         bag = disturbance.write_disturbed(bag, bench.work / f"{name} sensors {what}", change)
     for delay in delays:
         group = f"{name} with inertial sensors, {what}, delay {delay}"
-        given = ("--imu", recording / "imu", "--smoother.output_delay", delay, *flags)
+        given = ("--imu", recording / "imu", "--estimator.output_delay", delay, *flags)
         bench.replay(group, bag, bench.body_with_sensors(), *given)
         scored = score(bench.out(group), recording, span_s)
         rows = slice(None) if span_s is None else scored.within(*span_s)

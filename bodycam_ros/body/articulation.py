@@ -2,7 +2,7 @@
 
 Every joint is a ball, so that no joint ever gapes, and a segment turns as its cameras do.
 
-The instants of an articulated motion depend on each other through what lasts alone: the body, its mounts, the clocks of
+The states of an articulated motion depend on each other through what lasts alone: the body, its mounts, the clocks of
 its cameras. Each is eliminated on its own by a Schur complement.
 """
 
@@ -60,7 +60,7 @@ class ArticulatedMotion:
 
     @property
     def moving_count(self) -> int:
-        """Unknowns of one instant: an increment of the tree's coordinates (``TreeTangent``)."""
+        """Unknowns of one state: an increment of the tree's coordinates (``TreeTangent``)."""
         return self._tangent.count
 
     @property
@@ -91,12 +91,12 @@ class ArticulatedMotion:
         return self.body.poses_of(self.motion)
 
     def world_T_camera(self) -> Array:
-        """Poses (T, C, 4, 4) at what the cameras' clocks call the instants (A eq. 5): earlier by their delays."""
+        """Poses (T, C, 4, 4) at what the cameras' clocks call the states (A eq. 5): earlier by their delays."""
         poses: Array = self.world_T_segment()[:, self.carriers] @ self.mounts
         return poses @ exp_se3(-self.delays[:, None] * self.twists) if self.delays.any() else poses
 
     def moving_jacobians(self) -> Array:
-        """(T, C, 6, moving_count) how the cameras' poses, tangents in their own axes, move with their instant."""
+        """(T, C, 6, moving_count) how the cameras' poses, tangents in their own axes, move with their state."""
         J = self._tangent.segment_jacobians(self.world_T_segment())
         return np.asarray(adjoint(inverse(self.mounts)) @ J[:, self.carriers])
 
@@ -146,7 +146,7 @@ class ArticulatedMotion:
         )
 
     def with_zero_at(self, resting: NDArray[np.bool_], world_R_rest: Array) -> "ArticulatedMotion":
-        """The same motion, with all segments' axes those of the N-pose (3, 3) on average over some instants (T)."""
+        """The same motion, with all segments' axes those of the N-pose (3, 3) on average over some states (T)."""
         poses, body = self.world_T_segment(), self.body
         average = [
             robust_average_pose(rigid(poses[resting, row, :3, :3], np.zeros(3))) for row in range(poses.shape[1])
@@ -245,12 +245,12 @@ def _shifted(place: Array, shift: Array) -> Array:
 
 
 _STIFFENING = 1e-6
-"""Relative to the diagonal: keeps the inverse of an instant in which a segment was not seen."""
+"""Relative to the diagonal: keeps the inverse of a state in which a segment was not seen."""
 
 
 @dataclass(frozen=True, eq=False)
-class EliminatedInstants:
-    """The lasting unknowns' normal equations, of each instant; the moving ones are eliminated.
+class EliminatedStates:
+    """The lasting unknowns' normal equations, of each state; the moving ones are eliminated.
 
     Attributes:
         hessians: (T, K, K).
@@ -270,25 +270,25 @@ class EliminatedInstants:
         return step
 
 
-def eliminate_instants(J_moving: Array, J_lasting: Array, hessians: Array, gradients: Array) -> EliminatedInstants:
+def eliminate_states(J_moving: Array, J_lasting: Array, hessians: Array, gradients: Array) -> EliminatedStates:
     """Eliminate the moving unknowns.
 
     Args:
-        J_moving: (T, C, 6, M) how the cameras' poses move with the unknowns of their instant.
+        J_moving: (T, C, 6, M) how the cameras' poses move with the unknowns of their state.
         J_lasting: (T, C, 6, K) the same with the lasting ones.
         hessians: (T, C, 6, 6) of the cameras' poses.
         gradients: (T, C, 6).
     """
-    instants, cameras, _, moving = J_moving.shape
+    states, cameras, _, moving = J_moving.shape
     lasting, rows = J_lasting.shape[-1], 6 * cameras
-    J, HJ = J_moving.reshape(instants, rows, moving), (hessians @ J_moving).reshape(instants, rows, moving)
+    J, HJ = J_moving.reshape(states, rows, moving), (hessians @ J_moving).reshape(states, rows, moving)
     A = np.swapaxes(J, 1, 2) @ HJ
     A += _STIFFENING * np.einsum("tii->ti", A).mean() * np.eye(moving)
-    out = EliminatedInstants(
-        *(np.empty((instants, *shape)) for shape in ((lasting, lasting), (lasting,), (moving,), (moving, lasting)))
+    out = EliminatedStates(
+        *(np.empty((states, *shape)) for shape in ((lasting, lasting), (lasting,), (moving,), (moving, lasting)))
     )
-    # One instant after the other, whose matrices stay in the cache.
-    for t in range(instants):
+    # One state after the other, whose matrices stay in the cache.
+    for t in range(states):
         J_t, HJ_t, g = J_lasting[t].reshape(rows, lasting), hessians[t] @ J_lasting[t], gradients[t].ravel()
         B = HJ[t].T @ J_t
         solved = -np.linalg.solve(A[t], np.column_stack([B, J[t].T @ g]))

@@ -16,7 +16,7 @@ class EquipmentReport:
         name: of the equipment.
         placed: whether it is known where the equipment is; until then nothing is coupled to it.
         attachments: (K) names.
-        engaged: (K,) whether each held at this instant.
+        engaged: (K,) whether each held at this time.
         deviations: (K,) distance between its points on the body and on the equipment, the mean over them [m]; NaN while
             the equipment is not placed.
         lengths: (L) what was unknown, ``<attachment or joint>_<x, y or z>``.
@@ -68,7 +68,7 @@ class EquipmentLog:
         self._reports: dict[int, EquipmentReport] = {}
 
     def add(self, stamp_ns: int, report: EquipmentReport) -> None:
-        """Add the report of one instant; of two of one instant the later counts.
+        """Add the report of one state; of two with one stamp the later counts.
 
         Raises:
             ValueError: it is of other equipment than the ones before.

@@ -34,9 +34,9 @@ class Bone:
     end: Array
     is_equipment: bool = False
 
-    def at(self, instant: int) -> "Bone":
+    def at(self, state: int) -> "Bone":
         """The line at one state."""
-        row = slice(instant, instant + 1)
+        row = slice(state, state + 1)
         return replace(self, start=self.start[row], end=self.end[row])
 
 

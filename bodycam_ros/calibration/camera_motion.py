@@ -59,7 +59,7 @@ class CameraMotion:
         world_T_camera: (T, C, 4, 4); the identity where a camera is unknown.
         known: (T, C) whether it is known.
         matches: (T) camera -> the image nearest to the stamp, with its landmarks; registered ones only.
-        instant_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the stamp: the
+        frame_T_image: (T, C, 4, 4) pose of the camera when it took that image, in its frame at the stamp: the
             identity where all cameras are triggered together.
         twists: (T, C, 6) of the cameras, rotation [rad/s] then translation [m/s] in their own axes.
         triggered: (C) whether a camera shares its stamps with most others.
@@ -71,7 +71,7 @@ class CameraMotion:
     world_T_camera: Array
     known: NDArray[np.bool_]
     matches: tuple[Mapping[str, LandmarkMatches], ...]
-    instant_T_image: Array
+    frame_T_image: Array
     twists: Array
     triggered: NDArray[np.bool_]
     start_ns: int
@@ -111,7 +111,7 @@ def camera_motion(logs: Sequence[CameraLog], first_ns: int | None = None) -> Cam
     stamps_ns = own_stamps_ns[clock]
     shape = (len(stamps_ns), len(logs))
     world_T_camera = np.broadcast_to(np.eye(4), (*shape, 4, 4)).copy()
-    instant_T_image = world_T_camera.copy()
+    frame_T_image = world_T_camera.copy()
     twists = np.zeros((*shape, 6))
     known = np.zeros(shape, dtype=bool)
     nearest: list[dict[str, LandmarkMatches]] = [{} for _ in stamps_ns]
@@ -121,7 +121,7 @@ def camera_motion(logs: Sequence[CameraLog], first_ns: int | None = None) -> Cam
         rows = points.rows
         world_T_camera[rows, column], twists[rows, column] = points.poses, points.twists
         known[rows, column] = True
-        instant_T_image[rows, column] = inverse(points.poses) @ poses[points.nearest]
+        frame_T_image[rows, column] = inverse(points.poses) @ poses[points.nearest]
         for row, image in zip(rows, points.nearest, strict=True):
             nearest[row][log.camera] = seen[image]
     return CameraMotion(
@@ -130,7 +130,7 @@ def camera_motion(logs: Sequence[CameraLog], first_ns: int | None = None) -> Cam
         world_T_camera=world_T_camera,
         known=known,
         matches=tuple(nearest),
-        instant_T_image=instant_T_image,
+        frame_T_image=frame_T_image,
         twists=twists,
         triggered=np.array([log.camera in together for log in logs]),
         start_ns=min(log.matches[0].stamp_ns for log in logs) if first_ns is None else first_ns,

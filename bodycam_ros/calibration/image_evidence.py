@@ -22,14 +22,14 @@ class CameraViews:
 
     Attributes:
         camera: its model.
-        instants: (N) row of the instant.
+        frames: (N) row of the frame.
         landmarks: (N) row of the landmark.
         pixels: (N, 2) where the image shows it.
         track_share: (N) one over the number of images in which the same track shows the landmark.
     """
 
     camera: CameraModel
-    instants: NDArray[np.intp]
+    frames: NDArray[np.intp]
     landmarks: NDArray[np.intp]
     pixels: Array
     track_share: Array
@@ -43,14 +43,14 @@ class ImageEvidence:
         views: (C) of the cameras.
         points_world: (L, 3) where the landmarks are taken to be [m].
         map_points_world: (L, 3) where the map has them [m].
-        instant_T_image: (T, C, 4, 4) see ``CameraMotion``.
+        frame_T_image: (T, C, 4, 4) see ``CameraMotion``.
         pose_fit, evidence: noise of the landmarks and floor of a camera, those of the solver.
     """
 
     views: Sequence[CameraViews]
     points_world: Array
     map_points_world: Array
-    instant_T_image: Array
+    frame_T_image: Array
     pose_fit: PoseFitSettings
     evidence: EvidenceSettings
 
@@ -63,20 +63,20 @@ class ImageEvidence:
         hessians = np.zeros((*world_T_camera.shape[:2], 6, 6))
         gradients = np.zeros((*world_T_camera.shape[:2], 6))
         for c, view in enumerate(self.views):
-            starts = np.flatnonzero(np.diff(view.instants, prepend=-1))
-            seen = view.instants[starts]
+            starts = np.flatnonzero(np.diff(view.frames, prepend=-1))
+            seen = view.frames[starts]
             hessians[seen, c], gradients[seen, c] = linearise_images(
                 view.camera.parameters,
                 self.points_world[view.landmarks],
                 view.pixels,
-                np.append(starts, len(view.instants)),
-                world_T_camera[seen, c] @ self.instant_T_image[seen, c],
+                np.append(starts, len(view.frames)),
+                world_T_camera[seen, c] @ self.frame_T_image[seen, c],
                 self.pose_fit.inlier_px,
             )
-        image_xi_instant = adjoint(inverse(self.instant_T_image))
-        instant_xi_image = np.swapaxes(image_xi_instant, -1, -2)
-        hessians = instant_xi_image @ hessians @ image_xi_instant / self.pose_fit.pixel_sigma**2
-        gradients = (instant_xi_image @ gradients[..., None]) / self.pose_fit.pixel_sigma**2
+        image_xi_frame = adjoint(inverse(self.frame_T_image))
+        frame_xi_image = np.swapaxes(image_xi_frame, -1, -2)
+        hessians = frame_xi_image @ hessians @ image_xi_frame / self.pose_fit.pixel_sigma**2
+        gradients = (frame_xi_image @ gradients[..., None]) / self.pose_fit.pixel_sigma**2
         # (H^-1 + F)^-1 = (1 + H F)^-1 H needs no inverse of H.
         floored = np.linalg.solve(
             np.eye(6) + hessians @ evidence_floor(self.evidence), np.concatenate([hessians, gradients], axis=-1)
@@ -95,7 +95,7 @@ class ImageEvidence:
         hessians = np.tile(np.eye(3) / landmark_sigma**2, (len(self.points_world), 1, 1))
         gradients = (self.points_world - self.map_points_world) / landmark_sigma**2
         for c, view in enumerate(self.views):
-            world_T_image = (world_T_camera[:, c] @ self.instant_T_image[:, c])[view.instants]
+            world_T_image = (world_T_camera[:, c] @ self.frame_T_image[:, c])[view.frames]
             residuals, by_point, weights = self._seen(view, world_T_image)
             J = by_point @ np.swapaxes(world_T_image[:, :3, :3], 1, 2)
             WJ = np.swapaxes((weights * view.track_share / self.pose_fit.pixel_sigma**2)[:, None, None] * J, 1, 2)
@@ -122,7 +122,7 @@ def image_evidence(
     pose_fit: PoseFitSettings,
     evidence: EvidenceSettings,
 ) -> ImageEvidence:
-    """The landmarks that the images of some instants show."""
+    """The landmarks that the images of some frames show."""
     ids: list[NDArray[np.uint32]] = []
     points: list[NDArray[np.float32]] = []
     for row in rows:
@@ -140,7 +140,7 @@ def image_evidence(
         views.append(
             CameraViews(
                 camera=models[camera],
-                instants=np.concatenate([np.full(len(m.pixels), i) for i, m in seen] or [np.zeros(0, int)]),
+                frames=np.concatenate([np.full(len(m.pixels), i) for i, m in seen] or [np.zeros(0, int)]),
                 landmarks=np.concatenate(
                     [np.searchsorted(landmark_ids, m.landmark_ids) for _, m in seen] or [np.zeros(0, int)]
                 ),
@@ -148,4 +148,4 @@ def image_evidence(
                 track_share=1.0 / np.bincount(track_of, minlength=len(tracks))[track_of],
             )
         )
-    return ImageEvidence(views, map_points_world, map_points_world, motion.instant_T_image[rows], pose_fit, evidence)
+    return ImageEvidence(views, map_points_world, map_points_world, motion.frame_T_image[rows], pose_fit, evidence)

@@ -3,7 +3,7 @@
 Seed A stops at the SVD and a person's corrections. Here the reprojection errors of all landmarks (A eq. 8-9) decide,
 under the articulation (A eq. 3-5). A camera enters as in the solver (``measurements``, DESIGN 4.2): as a pose with
 its information, here linearised anew on its landmarks wherever an iteration puts it, floored and robust. The solver's
-tight joints are exact here, and its smoothness is left out: the instants then depend on each other through the body
+tight joints are exact here, and its smoothness is left out: the states then depend on each other through the body
 alone, and each is eliminated on its own (Schur complement).
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.articulation import ArticulatedMotion, EliminatedInstants, distance_weights, eliminate_instants
+from bodycam_ros.body.articulation import ArticulatedMotion, EliminatedStates, distance_weights, eliminate_states
 from bodycam_ros.calibration.image_evidence import ImageEvidence
 from bodycam_ros.geometry import Array
 from bodycam_ros.timing.clock_state import TRIGGER_SIGMA_S, ClockSettings
@@ -66,7 +66,7 @@ def refine(
         images = images.with_landmarks_refined(world_T_camera, _LANDMARK_SIGMA_M)
         hessians, gradients = images.linearised(world_T_camera)
         weights = _cauchy(hessians, gradients)
-        eliminated = eliminate_instants(
+        eliminated = eliminate_states(
             motion.moving_jacobians(),
             motion.lasting_jacobians(),
             weights[..., None, None] * hessians,
@@ -79,8 +79,8 @@ def refine(
     return Refined(motion, _jackknife_covariance(eliminated, prior))
 
 
-def _lasting_step(of: EliminatedInstants, prior: tuple[Array, Array], kept: NDArray[np.bool_]) -> Array:
-    """The step (K,) of the lasting unknowns by some instants (T,) and the priors: a matrix (K, K) and a gradient."""
+def _lasting_step(of: EliminatedStates, prior: tuple[Array, Array], kept: NDArray[np.bool_]) -> Array:
+    """The step (K,) of the lasting unknowns by some states (T,) and the priors: a matrix (K, K) and a gradient."""
     hessian, gradient = of.hessians[kept].sum(axis=0) + prior[0], of.gradients[kept].sum(axis=0) + prior[1]
     # A symmetric scaling: radians, metres and held unknowns differ by many powers of ten.
     scale = 1.0 / np.sqrt(np.maximum(np.diag(hessian), np.finfo(float).tiny))
@@ -89,10 +89,10 @@ def _lasting_step(of: EliminatedInstants, prior: tuple[Array, Array], kept: NDAr
     return step
 
 
-def _jackknife_covariance(of: EliminatedInstants, prior: tuple[Array, Array]) -> Array:
+def _jackknife_covariance(of: EliminatedStates, prior: tuple[Array, Array]) -> Array:
     """Covariance (K, K) of the lasting unknowns: how much they change when a stretch of time is left out.
 
-    Errors of neighbouring instants go together, because they see the same landmarks; the inverse of the information
+    Errors of neighbouring states go together, because they see the same landmarks; the inverse of the information
     would not know. Delete-a-block jackknife (Künsch 1989, "The jackknife and the bootstrap for general stationary
     observations"), each solved by one Gauss-Newton step.
     """

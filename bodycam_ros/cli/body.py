@@ -49,7 +49,7 @@ EPILOG = (
 )
 
 _LENGTHS = (
-    ("initial [mm]", "begun", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
+    ("initial [mm]", "initial", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
 )  # fmt: skip
 _LENGTHS_NOTE = "from joint to joint, along an axis; red: not measured, about the initial value"
 _GIRTHS = (("found", "found", ".2f"), ("sigma", "sigma", ".2f"))
@@ -79,11 +79,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "in which all cameras stand still and the limbs are straight)",
     )
     static = parser.add_argument_group("static cameras")
-    stations_help = (
+    static_cameras_help = (
         "instead of --rig: where static cameras are; without --map its own frame is the world. Measures lengths of "
         "bones and girths; body cameras measure the former better"
     )
-    add_option(static, "--stations", help=stations_help)
+    add_option(static, "--stations", help=static_cameras_help)
     add_option(static, "--start", help="with --stations: where the segments are in the first image")
     initial = static.add_mutually_exclusive_group()
     body_help = "with --stations: a body with approximate lengths"

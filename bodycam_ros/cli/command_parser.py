@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.settings import check_name
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -62,6 +63,7 @@ class CommandParser(argparse.ArgumentParser):
                 others.append(word)
                 continue
             group, _, name = flag.removeprefix("--").partition(".")
+            check_name(group, flag)
             if group not in (known := read_groups()):
                 self.error(f"{flag}: there is no group of settings {group} here; there are {', '.join(sorted(known))}")
             value = text if is_joined else next(following, None)

@@ -44,8 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "'RKJC: knee_right' the centre of that joint, or of a camera; null leaves one out",
     )
     static = parser.add_argument_group("static cameras")
-    stations_help = "with --recording: where its static cameras are; adds outside.png, the body over their images"
-    add_option(static, "--stations", needs="recording", help=stations_help)
+    static_cameras_help = "with --recording: where its static cameras are; adds outside.png, the body over their images"
+    add_option(static, "--stations", needs="recording", help=static_cameras_help)
     add_option(static, "--surface")
     add_option(static, "--map", needs="stations")
 

@@ -55,9 +55,9 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path, names: T
         terminal.print(line)
     for camera, count in summary.rejected.most_common():
         terminal.print(f"camera {camera}: rejected at {count} frames, where the others contradict it")
-    share = summary.solved / summary.instants if summary.instants else 0.0
+    share = summary.solved / summary.frames if summary.frames else 0.0
     terminal.print(
-        f"{summary.solved} of {summary.instants} frames solved ({share:.1%}), {summary.predicted} of them without "
+        f"{summary.solved} of {summary.frames} frames solved ({share:.1%}), {summary.predicted} of them without "
         f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s in "
         f"{summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; written to {output}"
     )

@@ -17,7 +17,7 @@ from bodycam_ros.cli.options import (
     pipeline_settings,
     topic_names,
 )
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.files.output_place import check_output
 from bodycam_ros.replaying.worker_process import warm_up
 
@@ -35,11 +35,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--imu")
     add_topics(parser)
     add_equipment(parser)
-    stations_help = (
+    static_cameras_help = (
         "where static cameras of the same bag are, as 'bodycam stations' writes it; without --map its own frame is the "
         "world, and body cameras are left out"
     )
-    add_option(parser, "--stations", help=stations_help)
+    add_option(parser, "--stations", help=static_cameras_help)
     add_option(parser, "--surface")
     start_help = (
         "with --stations: where the segments are in the first image, or a folder with 2-D keypoints of each camera; "
@@ -109,14 +109,14 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     """Files of static cameras; None without them.
 
     Raises:
-        StationError: an option is given without static cameras, or the world or the map of --passes is missing.
+        StaticCameraError: an option is given without static cameras, or the world or the map of --passes is missing.
     """
     if arguments.map is None and arguments.passes > 1:
-        raise StationError("--passes extends a reference map before the last pass: give it with --map")
+        raise StaticCameraError("--passes extends a reference map before the last pass: give it with --map")
     if arguments.stations is not None:
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
         return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
     if arguments.map is None:
-        raise StationError("give the place's reference map with --map, or static cameras with --stations")
+        raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

@@ -31,9 +31,9 @@ def all_groups() -> dict[str, type]:
     from bodycam_ros.body.body_shape import MeasureSettings
     from bodycam_ros.mapping.map_settings import MapSettings
     from bodycam_ros.pipeline.settings import PipelineSettings
-    from bodycam_ros.static_cameras.station_registration import StationsSettings
+    from bodycam_ros.static_cameras.static_camera_registration import StaticCamerasSettings
 
-    every = (PipelineSettings, MapSettings, MeasureSettings, StationsSettings)
+    every = (PipelineSettings, MapSettings, MeasureSettings, StaticCamerasSettings)
     return {name: group for settings in every for name, group in settings.groups().items()}
 
 

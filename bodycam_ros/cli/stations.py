@@ -9,10 +9,10 @@ import argparse
 from bodycam_ros.cli.options import add_config, add_option, add_output, check_files, read_settings
 from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.formats.calibration_files import TOML_MARK
-from bodycam_ros.formats.stations_file import MARK, is_calibration, read_stations, write_stations
+from bodycam_ros.formats.static_cameras_file import MARK, is_calibration, read_static_cameras, write_static_cameras
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.replaying.static_input import UnplacedCamera, place_stations
@@ -36,32 +36,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="yaml",
         help="yaml: for bodycam replay (default); toml: for anipose, Pose2Sim, FreeMoCap and Caliscope, in metres",
     )
-    add_config(parser, "static_cameras.station_registration:StationsSettings")
+    add_config(parser, "static_cameras.static_camera_registration:StaticCamerasSettings")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    settings = read_settings(arguments, StationsSettings)
+    settings = read_settings(arguments, StaticCamerasSettings)
     mark = MARK if arguments.to == "yaml" else TOML_MARK
     check_files(arguments, (arguments.output, mark.encode(), "file of static cameras that this command wrote"))
     if is_calibration(arguments.recording):
-        converted = read_stations(arguments.recording)
-        write_stations(arguments.output, converted.values(), arguments.to)
+        converted = read_static_cameras(arguments.recording)
+        write_static_cameras(arguments.output, converted.values(), arguments.to)
         Terminal().print(f"{len(converted)} cameras written to {arguments.output}")
         return 0
     if arguments.map is None:
         if not arguments.recording.exists():
-            raise StationError(f"{arguments.recording}: does not exist; give a recording, or a file of static cameras")
-        raise StationError("give with --map the map in which the cameras stand")
+            raise StaticCameraError(
+                f"{arguments.recording}: does not exist; give a recording, or a file of static cameras"
+            )
+        raise StaticCameraError("give with --map the map in which the cameras stand")
     reference_map = load_map(arguments.map)
-    found: list[RegisteredStation] = []
+    found: list[RegisteredStaticCamera] = []
     unplaced: list[UnplacedCamera] = []
     with open_recording(arguments.recording) as recording, shown_progress() as progress:
         cameras = list(dict.fromkeys(arguments.cameras or recording.cameras))
         for name in cameras:
             recording.image_count(name)  # raises if the recording has no such camera
         with progress.step("cameras", len(cameras)) as advance:
-            for camera in place_stations(recording, cameras, reference_map, settings):
+            for camera in place_static_cameras(recording, cameras, reference_map, settings):
                 if isinstance(camera, UnplacedCamera):
                     unplaced.append(camera)
                 else:
@@ -75,7 +77,9 @@ def run(arguments: argparse.Namespace) -> int:
     for camera in unplaced:
         terminal.print(f"NOT placed: {camera.reason}")
     if not found:
-        raise StationError(f"{arguments.recording}: no camera could be placed in {arguments.map}; nothing is written")
-    write_stations(arguments.output, [camera.station for camera in found], arguments.to)
+        raise StaticCameraError(
+            f"{arguments.recording}: no camera could be placed in {arguments.map}; nothing is written"
+        )
+    write_static_cameras(arguments.output, [camera.station for camera in found], arguments.to)
     terminal.print(f"{len(found)} of {len(cameras)} cameras written to {arguments.output}")
     return 0

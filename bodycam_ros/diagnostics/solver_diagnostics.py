@@ -43,12 +43,12 @@ class SolverDiagnostics:
 
     Args:
         dropped: messages that could not be used.
-        worn: whether cameras on the body are used, or static ones alone.
+        body_cameras: whether cameras on the body are used, or static ones alone.
     """
 
-    def __init__(self, dropped: DroppedMessages, worn: bool) -> None:
-        self._dropped, self._what = dropped, "registrations" if worn else "images"
-        self._found = "is registered in the map" if worn else "observes the body"
+    def __init__(self, dropped: DroppedMessages, body_cameras: bool) -> None:
+        self._dropped, self._what = dropped, "registrations" if body_cameras else "images"
+        self._found = "is registered in the map" if body_cameras else "observes the body"
         self._tally = _Tally()
         self._late_reported = 0
         self._rejected_reported: Counter[str] = Counter()
@@ -179,7 +179,7 @@ def solver_status(counts: SolverCounts) -> Status:
         "frames interpolated": counts.interpolated,
         "frames not converged": counts.unconverged,
         "contradictory frames at the start": counts.contradictory,
-        "windows begun anew": counts.restarted,
+        "windows restarted": counts.restarted,
     }
     remarks = counts.remarks()
     return Status("solver", StatusLevel.WARN if remarks else StatusLevel.OK, "; ".join(remarks) or "solved", values)

@@ -20,6 +20,7 @@ from bodycam_ros.estimation.camera_gate import gate_cameras
 from bodycam_ros.estimation.contact import ContactSettings, Soles
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.coupling import CoupledState, Coupling
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
 from bodycam_ros.estimation.factors.motion import LASTS_S, MotionModel
@@ -32,7 +33,6 @@ from bodycam_ros.estimation.initial_pose import first_poses
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, MountedCameras
 from bodycam_ros.estimation.pose_prior import PosePrior
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.estimation.solved_state import Measurements, SolvedState
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.state_factors import StateFactors
@@ -87,7 +87,7 @@ class BodyEstimator:
         self,
         body: BodyModel,
         cameras: Collection[str],
-        settings: SmootherSettings | None = None,
+        settings: EstimatorSettings | None = None,
         motion: MotionSettings | None = None,
         evidence: EvidenceSettings | None = None,
         offline: bool = False,
@@ -103,7 +103,7 @@ class BodyEstimator:
         self.body = coupling.body if coupling else body
         self._published = slice(len(body.segments))
         self._published_joints = [self.body.joint_row[joint.name] for joint in body.tree_joints]
-        self.settings = settings or SmootherSettings()
+        self.settings = settings or EstimatorSettings()
         self._cameras = {name for name in cameras if name in body.mounts}
         if not self._cameras and static_cameras is None:
             there, carried = ", ".join(cameras) or "there are none", ", ".join(body.mounts)
@@ -330,7 +330,7 @@ class BodyEstimator:
             self._coupling.remember_lengths(self._window.at(state.number), state.covariance)
 
     def _note_failure(self, stamp_ns: int, error: WindowError) -> None:
-        logger.warning("the solver's window was begun anew at %.3f s: %s", 1e-9 * stamp_ns, error)
+        logger.warning("the solver's window was restarted at %.3f s: %s", 1e-9 * stamp_ns, error)
         self.counts.restarted += 1
 
     def _gated(

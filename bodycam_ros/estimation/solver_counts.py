@@ -13,7 +13,7 @@ class SolverCounts:
         interpolated: frames without any image that were filled in.
         contradictory: frames at the start that are not solved, for their cameras contradict each other.
         unconverged: states whose fit did not converge; their covariance is widened.
-        restarted: how often gtsam could not solve the window, which was begun anew from the latest prediction.
+        restarted: how often gtsam could not solve the window, which was restarted from the latest prediction.
     """
 
     rejected: Counter[str] = field(default_factory=Counter)
@@ -47,7 +47,6 @@ class SolverCounts:
             )
         if self.restarted:
             remarks.append(
-                f"the solver's window was begun anew {self.restarted} times; states beside these times are less "
-                "accurate"
+                f"the solver's window was restarted {self.restarted} times; states beside these times are less accurate"
             )
         return remarks

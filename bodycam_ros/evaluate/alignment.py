@@ -81,7 +81,7 @@ class BodyPoints:
         except ValueError as error:
             raise RecordingError(
                 f"{self.captured.path} shares too little with this recording to be aligned: {', '.join(self.places)}, "
-                f"{len(self.seconds)} instants; several joints, or one that goes more ways than straight on, are needed"
+                f"{len(self.seconds)} states; several joints, or one that goes more ways than straight on, are needed"
             ) from error
 
 

@@ -21,7 +21,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import CameraSight
 from bodycam_ros.results.body_motion import distance_in_time, interpolated
 from bodycam_ros.results.camera_picture import project_landmarks
-from bodycam_ros.results.solved_recording import CameraRecord, SolvedRecording, StationRecord
+from bodycam_ros.results.solved_recording import CameraRecord, SolvedRecording, StaticCameraRecord
 from bodycam_ros.timing.clock_state import ClockHistory
 
 _EVEN_SHARE = 0.2  # by which even steps in time may differ from the usual one
@@ -30,7 +30,7 @@ _ROUNDING_NS = 1.0
 
 def image_coverage(solved: SolvedRecording) -> float:
     """Share of the images with a solved state within half a frame, or half the time between states."""
-    half_ns = max(solved.frame_ns, solved.instant_ns) / 2.0
+    half_ns = max(solved.frame_ns, solved.step_ns) / 2.0
     images = np.concatenate(solved.image_stamps_ns)
     return float(np.mean(distance_in_time(images, solved.stamps_ns) <= half_ns + _ROUNDING_NS))
 
@@ -38,7 +38,7 @@ def image_coverage(solved: SolvedRecording) -> float:
 def gaps(solved: SolvedRecording) -> list[list[float]]:
     """[start, end] [s] of each stretch of the recording without a solved state, both ends included."""
     images = np.sort(np.concatenate(solved.image_stamps_ns))
-    one_frame = max(solved.frame_ns, solved.instant_ns)
+    one_frame = max(solved.frame_ns, solved.step_ns)
     # As if a state were solved a frame before the first image and a frame after the last.
     edges = np.concatenate([[images[0] - one_frame], solved.stamps_ns, [images[-1] + one_frame]])
     wide = np.flatnonzero(np.diff(edges) > solved.longest_step_ns)
@@ -52,8 +52,8 @@ def gaps(solved: SolvedRecording) -> list[list[float]]:
 
 def blind(solved: SolvedRecording) -> NDArray[np.bool_]:
     """(T,) states near which no camera was registered and no static one observed the body."""
-    worn = [record.stamps_ns[record.registered] for record in solved.cameras]
-    known = np.concatenate([*worn, *(record.stamps_ns[record.observes] for record in solved.stations)])
+    body_cameras = [record.stamps_ns[record.registered] for record in solved.cameras]
+    known = np.concatenate([*body_cameras, *(record.stamps_ns[record.observes] for record in solved.stations)])
     far: NDArray[np.bool_] = distance_in_time(solved.stamps_ns, np.sort(known)) > solved.frame_ns / 2.0
     return far
 
@@ -75,7 +75,7 @@ def jitter(solved: SolvedRecording) -> Array:
     origins = np.stack([solved.world_T_link[segment][:, :3, 3] for segment in solved.body_segments], axis=1)
     noise = np.full(origins.shape[:2], np.nan)
     if len(origins) > 4:
-        odd = np.abs(np.diff(solved.stamps_ns) - solved.instant_ns) > _EVEN_SHARE * solved.instant_ns
+        odd = np.abs(np.diff(solved.stamps_ns) - solved.step_ns) > _EVEN_SHARE * solved.step_ns
         differences = np.linalg.norm(np.diff(origins, n=4, axis=0), axis=-1) / np.sqrt(70.0)
         noise[2:-2] = np.where(np.convolve(odd, np.ones(4), "valid")[:, None] > 0.5, np.nan, differences)
     return noise

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body.surface_folder import surfaces_of
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
-from bodycam_ros.errors import RecordingError, StationError
-from bodycam_ros.formats.stations_file import check_stations_frame, read_stations
+from bodycam_ros.errors import RecordingError, StaticCameraError
+from bodycam_ros.formats.static_cameras_file import check_static_cameras_frame, read_static_cameras
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
@@ -35,7 +35,7 @@ from bodycam_ros.static_cameras import contour_painting as painting
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.station import Image, RegionModel
+from bodycam_ros.static_cameras.static_camera import Image, RegionModel
 
 Item = TypeVar("Item")
 Key = Sequence[tuple[str, str]]
@@ -133,14 +133,14 @@ def static_camera_views(
         map_path: that the recording was solved in; None where the stations' own frame is the world.
 
     Raises:
-        StationError: the stations cannot be used, the recording has no images of them, or their frame is not known.
+        StaticCameraError: they cannot be used, the recording has no images of them, or their frame is unknown.
         BodyError: the surface cannot be used.
         RecordingError: not a recording, or an image that cannot be decoded or is not of its lens's size.
         MapError, LensError: the map, or a lens, cannot be used.
     """
     reference_map = None if map_path is None else ReferenceMap.load(map_path)
-    stations = read_stations(files.stations, reference_map)
-    check_stations_frame(files.stations, solved.path, map_path)
+    stations = read_static_cameras(files.stations, reference_map)
+    check_static_cameras_frame(files.stations, solved.path, map_path)
     if reference_map is not None and map_path is not None:
         warn_of_differences(solved.path, (reference_map, map_path))
     body, at_ns, views = solved.body, middle_stamp(solved), []
@@ -148,7 +148,7 @@ def static_camera_views(
     with closing(Footage(recording, solved.path)) as footage:
         there = {name: station for name, station in stations.items() if name in footage.cameras}
         if not there:
-            raise StationError(
+            raise StaticCameraError(
                 f"{recording} has no images of the static cameras of {files.stations} ({', '.join(stations)}); it "
                 f"has {', '.join(footage.cameras)}"
             )
@@ -160,7 +160,7 @@ def static_camera_views(
             if len(near) and near[-1] >= at_ns - half_ns:
                 views.append(_static_camera_view(solved, regions[name], [each for each in images if each is not None]))
     if not views:
-        raise StationError(
+        raise StaticCameraError(
             f"{recording}: has no image of its static cameras ({', '.join(there)}) in the middle of {solved.path}; is "
             "it the recording that this was solved from?"
         )

@@ -133,7 +133,7 @@ _Loader.add_implicit_resolver(
 
 @dataclass
 class _Open:
-    """A list or table that has begun.
+    """A list or table that was opened.
 
     Attributes:
         anchor: its name for aliases, if any.

@@ -27,7 +27,7 @@ import numpy as np
 
 from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.errors import BodyError, LensError, StationError
+from bodycam_ros.errors import BodyError, LensError, StaticCameraError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.formats.calibration_fields import numbers_of_shape, rotation_of, size_of_images
@@ -49,14 +49,14 @@ _MOST_BYTES = 10_000_000
 _QUALISYS_PIXEL = 1.0 / 64.0
 
 
-def read_calibration(path: Path) -> dict[str, Station]:
+def read_calibration(path: Path) -> dict[str, StaticCamera]:
     """Camera -> station, in the frame of the file [m].
 
     Raises:
-        StationError: the file cannot be read, has no camera, or a field is missing or malformed.
+        StaticCameraError: the file cannot be read, has no camera, or a field is missing or malformed.
         LensError: a lens is malformed.
     """
-    content = read_bytes(path, "calibration of cameras", StationError, _MOST_BYTES)
+    content = read_bytes(path, "calibration of cameras", StaticCameraError, _MOST_BYTES)
     if path.name.endswith(".toml"):
         cameras, unit = _read_toml(path, content)
     elif path.name.endswith(".qca.txt"):
@@ -75,7 +75,7 @@ def read_calibration(path: Path) -> dict[str, Station]:
             "%s: its world is the frame of one camera, whose z axis is not up; floor and up are unknown", path
         )
     if len({station.name for station in stations}) < len(stations):
-        raise StationError(f"{path}: two cameras have the same name; names must differ")
+        raise StaticCameraError(f"{path}: two cameras have the same name; names must differ")
     poses = [rigid(station.world_T_camera[:3, :3], scale * station.world_T_camera[:3, 3]) for station in stations]
     return {station.name: replace(station, world_T_camera=pose) for station, pose in zip(stations, poses, strict=True)}
 
@@ -141,11 +141,11 @@ def _read_toml(path: Path, content: bytes) -> tuple[list[_Camera], str]:
     try:
         document = tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise StationError(f"{path}: cannot be read as TOML: {error}") from error
+        raise StaticCameraError(f"{path}: cannot be read as TOML: {error}") from error
     tables = _tables(document)
     unit = str(dict(tables).get("metadata", {}).get("units", ""))
     if unit and unit not in _UNITS_M:
-        raise StationError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
+        raise StaticCameraError(f"{path}: units must be one of {', '.join(_UNITS_M)}, not {shown(unit)}")
     tables += [inner for _, table in tables for inner in _tables(table)]
     cameras = list[_Camera]()
     for key, table in tables:
@@ -174,7 +174,7 @@ def _read_qualisys(path: Path, content: bytes) -> Iterator[_Camera]:
     try:
         root = xml_elements(content.decode("utf-8-sig"))
     except (BodyError, UnicodeDecodeError) as error:
-        raise StationError(f"{path}: expected the calibration as Qualisys writes it: {error}") from error
+        raise StaticCameraError(f"{path}: expected the calibration as Qualisys writes it: {error}") from error
     for element in root.iter("camera"):
         yield element.get("serial", ""), partial(_qualisys_station, path, element)
 
@@ -279,7 +279,7 @@ def _opencv_value(node: cv2.FileNode) -> Any:
 
 def _station(
     where: str, name: str, size: Any, K: Any, D: Array, rotation: Any, translation: Any, fisheye: bool = False
-) -> Station:
+) -> StaticCamera:
     """The station of a camera by camera_R_world, as a matrix or a rotation vector, and the translation with it."""
     size = numbers_of_shape(size, (2,), f"{where}: size")
     K = numbers_of_shape(K, (3, 3), f"{where}: matrix")
@@ -290,7 +290,7 @@ def _station(
         R = exp_so3(numbers_of_shape(rotation, (3,), f"{where}: rotation"))
     t = numbers_of_shape(translation, (3,), f"{where}: translation")
     if not name or not name.isprintable():
-        raise StationError(f"{where}: has no name")
+        raise StaticCameraError(f"{where}: has no name")
     model, least = ("equidistant", 4) if fisheye else ("plumb_bob", 5) if len(D) <= 5 else ("rational_polynomial", 8)
     D = np.concatenate([D, np.zeros(max(0, least - len(D)))])[: 4 if fisheye else None]
     camera: CameraModel = camera_from_info(name, round(size[0]), round(size[1]), model, D.tolist(), K.ravel().tolist())

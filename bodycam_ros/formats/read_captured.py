@@ -96,7 +96,7 @@ def read_joint_points(path: Path) -> Mapping[str, Array] | None:
         raise BodyError(str(error)) from error
 
 
-def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: BodyModel) -> PlacedBody:
+def read_start(start: Path, file: Path, stations: Mapping[str, StaticCamera], body: BodyModel) -> PlacedBody:
     """The body in the first image, by a start file in any format.
 
     Args:
@@ -107,7 +107,7 @@ def read_start(start: Path, file: Path, stations: Mapping[str, Station], body: B
 
     Raises:
         BodyError: the start cannot be used.
-        StationError: the stations cannot be read any more.
+        StaticCameraError: the stations cannot be read any more.
     """
     if is_keypoints(start):
         return place_world_points(start, _triangulated(start, stations), body)

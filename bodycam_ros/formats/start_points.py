@@ -48,7 +48,7 @@ _MIN_POINTS = 5
 _UNITS_M = (1.0, 0.1, 0.01, 0.001)
 
 
-def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stations: Iterable[Station]) -> Array:
+def place_points(path: Path, points: Mapping[str, Array], body: BodyModel, stations: Iterable[StaticCamera]) -> Array:
     """Poses (S, 4, 4) of a body, joints closed, whose joints are at points.
 
     Args:
@@ -118,7 +118,7 @@ def _unit(points: Mapping[str, Array], body: BodyModel) -> float:
     return min(_UNITS_M, key=lambda unit: abs(np.log(unit / ratio)))
 
 
-def _view_score(stations: Iterable[Station], places: Array) -> tuple[int, float]:
+def _view_score(stations: Iterable[StaticCamera], places: Array) -> tuple[int, float]:
     """Points in view of all cameras together, and how near to the middle of the images they are."""
     count, off = 0, 0.0
     for station in stations:

@@ -18,7 +18,7 @@ from typing import Any, Final
 import msgspec
 
 from bodycam_ros.body.urdf_xml import xml_elements
-from bodycam_ros.errors import BodycamError, BodyError, SettingsError, StationError
+from bodycam_ros.errors import BodycamError, BodyError, SettingsError, StaticCameraError
 from bodycam_ros.files.yaml_file import read_text, read_yaml
 from bodycam_ros.formats.other_calibration import is_other_calibration
 from bodycam_ros.graph.node_parameters import (
@@ -48,7 +48,7 @@ _CLOCK_HZ = 40.0
 """Rate of the clock that is played, as ros2 bag has it."""
 
 _OF_STATIONS = ("surface", "start")
-_OF_WORN = ("cameras", "rig", "grown_map")
+_OF_BODY_CAMERAS = ("cameras", "rig", "grown_map")
 
 
 def _as(parameters_type: type, name: str) -> Any:
@@ -131,37 +131,41 @@ class GraphNode:
 
 
 def graph(of: GraphArguments) -> list[GraphNode]:
-    """A tracker for each worn camera, the registrations and the solver, which has the images of static cameras.
+    """A tracker for each body camera, the registrations and the solver, which has the images of static cameras.
 
     A robot follows where one is given, and a bag is played once the whole graph reads it.
 
     Raises:
-        BodyError, StationError, SettingsError: a file with names of cameras cannot be read, an argument is missing, or
-            two of them exclude each other.
+        BodyError, StaticCameraError, SettingsError: a file with names of cameras cannot be read, an argument is
+            missing, or two of them exclude each other.
     """
     if not of.body:
         raise SettingsError("the argument 'body' is missing; give body:=body.yaml")
     stations = _static_cameras_in(of.stations) if of.stations else []
     if not stations and (needless := _given(of, _OF_STATIONS)):
-        raise StationError(f"{', '.join(needless)}: for static cameras; add stations:=cameras.yaml")
-    worn = _worn_cameras(of, bool(stations))
+        raise StaticCameraError(f"{', '.join(needless)}: for static cameras; add stations:=cameras.yaml")
+    body_cameras = _body_cameras(of, bool(stations))
     # With a rig the body file is yet to be made.
     sensors = {"body": ""} if of.rig else {}
-    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera, **sensors) for camera in worn]
-    count = min(of.registrations, len(worn))
+    nodes = [_node("tracker", f"tracker_{camera}", of, camera=camera, **sensors) for camera in body_cameras]
+    count = min(of.registrations, len(body_cameras))
     for number in range(count):
         nodes.append(
             _node(
                 "registration",
                 "registration" if count == 1 else f"registration_{number + 1}",
                 of,
-                cameras=worn[number::count],
+                cameras=body_cameras[number::count],
                 publish_map=number == 0,
                 landmark_readers=READERS_OF_LANDMARKS,
             )
         )
-    of_solver: dict[str, Any] = {"cameras": worn} if of.cameras else {}
-    nodes.append(_node("skeleton_solver", "skeleton_solver", of, **of_solver, **({} if worn else {"worn": False})))
+    of_solver: dict[str, Any] = {"cameras": body_cameras} if of.cameras else {}
+    nodes.append(
+        _node(
+            "skeleton_solver", "skeleton_solver", of, **of_solver, **({} if body_cameras else {"body_cameras": False})
+        )
+    )
     if of.urdf or of.mapping:
         if not (of.urdf and of.mapping):
             raise BodyError("a robot that follows needs both: urdf:=ROBOT.urdf mapping:=MAPPING.yaml")
@@ -170,7 +174,7 @@ def graph(of: GraphArguments) -> list[GraphNode]:
         raise SettingsError(f"nodes: the graph has no {', '.join(unknown)}; it has {', '.join(_names(nodes))}")
     nodes = [node for node in nodes if not of.nodes or {node.executable, node.name} & {*of.nodes}]
     if of.bagfile:
-        read: dict[str, Any] = {"cameras": [*worn, *stations], "readers": READERS_OF_INFO}
+        read: dict[str, Any] = {"cameras": [*body_cameras, *stations], "readers": READERS_OF_INFO}
         read |= {"image_only": stations} if stations else {}
         read |= {"clock": _CLOCK_HZ} if of.use_sim_time else {}
         nodes.append(_node("player", "player", of, **read))
@@ -210,7 +214,7 @@ def _node(executable: str, name: str, of: GraphArguments, **own: Any) -> GraphNo
     return GraphNode(executable, name, {**given, **own, **follows_clock})
 
 
-def _worn_cameras(of: GraphArguments, has_stations: bool) -> list[str]:
+def _body_cameras(of: GraphArguments, has_static_cameras: bool) -> list[str]:
     """The cameras on the body that are used."""
     if of.rig:
         there = _cameras_in(of.rig, "rig file")
@@ -223,15 +227,15 @@ def _worn_cameras(of: GraphArguments, has_stations: bool) -> list[str]:
     if unknown := [camera for camera in of.cameras if camera not in there]:
         raise BodyError(f"{of.body}: the body has no camera {', '.join(unknown)}; it has {', '.join(there) or 'none'}")
     if not of.map:
-        if not has_stations:
-            raise StationError(
+        if not has_static_cameras:
+            raise StaticCameraError(
                 "there is neither a map, which cameras on the body are registered in, nor a file of static cameras; "
                 "give map:=MAP, stations:=cameras.yaml, or both"
             )
-        if needless := _given(of, _OF_WORN):
-            raise StationError(f"{', '.join(needless)}: for cameras on the body, which need a map; give map:=MAP")
+        if needless := _given(of, _OF_BODY_CAMERAS):
+            raise StaticCameraError(f"{', '.join(needless)}: for cameras on the body, which need a map; give map:=MAP")
         return []
-    if not there and not has_stations:
+    if not there and not has_static_cameras:
         raise BodyError(f"{of.body}: the body has no camera")
     return [*dict.fromkeys(of.cameras)] or there
 
@@ -255,9 +259,9 @@ def _cameras_in(path: str, what: str) -> list[str]:
 def _static_cameras_in(path: str) -> list[str]:
     """Names of the cameras in a file of static cameras."""
     is_other = is_other_calibration(Path(path))
-    document = None if is_other else read_yaml(path, "file of static cameras", StationError)
+    document = None if is_other else read_yaml(path, "file of static cameras", StaticCameraError)
     if not isinstance(document, Mapping):
-        raise StationError(
+        raise StaticCameraError(
             f"{path}: is no table of static cameras; 'bodycam stations {path} -o cameras.yaml' makes one of the "
             "calibration of another program"
         )

@@ -11,7 +11,7 @@ class EverySecondImage:
     """Decides, image by image, whether it is left out.
 
     It begins when an image has waited for too long, and ends when for a while none has. Which of two images goes is
-    decided by their stamps, not by turns: cameras that trigger together leave out the same ones, and the instants that
+    decided by their stamps, not by turns: cameras that trigger together leave out the same ones, and the frames that
     are left have all of them.
 
     Args:

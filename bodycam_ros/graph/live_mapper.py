@@ -14,7 +14,7 @@ from bodycam_ros.files.output_place import check_output
 from bodycam_ros.mapping.body_keyframe import KeyframeSelection
 from bodycam_ros.mapping.extendable_map import load_added_landmarks, make_extendable
 from bodycam_ros.mapping.local_mapper import LocalMapper
-from bodycam_ros.mapping.map_settings import GrowthSettings
+from bodycam_ros.mapping.map_settings import ExtensionSettings
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.map_identity import MapIdentity, map_identity
@@ -36,7 +36,7 @@ class LiveMapper(LocalMapper):
     def __init__(
         self,
         reference_map: ReferenceMap,
-        settings: GrowthSettings,
+        settings: ExtensionSettings,
         request_keyframe: Callable[[str], None],
         defer: Callable[[Callable[[], object]], None],
         on_error: Callable[[str], object] = lambda reason: None,
@@ -49,7 +49,7 @@ class LiveMapper(LocalMapper):
         self._identity, self._identified_changes = map_identity(self.map), self.map.changes
         self._folder: Path | None = None
         self._saved_changes, self._saved_s, self._failure = 0, time.monotonic(), ""
-        self._writer = ThreadPoolExecutor(1, "grown map")
+        self._writer = ThreadPoolExecutor(1, "map writer")
         self._writing: Future[None] | None = None
 
     @property
@@ -90,7 +90,9 @@ class LiveMapper(LocalMapper):
             if any(folder.iterdir()):
                 added = load_added_landmarks(folder, self._reference_map, map_path)
                 if left_out := len(added) - self.restore(added):
-                    self._on_error(f"{folder}: there is no room for {left_out} of its landmarks; raise growth.capacity")
+                    self._on_error(
+                        f"{folder}: there is no room for {left_out} of its landmarks; raise extension.capacity"
+                    )
         self._folder, self._saved_changes = folder, self.map.changes
 
     def poll(self, save_interval_s: float) -> None:
@@ -127,9 +129,9 @@ class LiveMapper(LocalMapper):
             self._saved_changes, self._failure = changes, ""
 
     def report(self) -> Status:
-        """Status of the growth and of its folder."""
+        """Status of the extension and of its folder."""
         values: dict[str, object] = {
-            "growing": self._enabled,
+            "extending": self._enabled,
             "landmarks added": self.landmarks,
             "keyframes stored": self.keyframes,
             "keyframes dropped": self._dropped,
@@ -137,5 +139,5 @@ class LiveMapper(LocalMapper):
         }
         if self._folder is not None:
             values["changes not saved"] = self._unsaved
-        level, text = StatusLevel.OK, "growing" if self._enabled else "growth is off"
-        return Status("grown map", StatusLevel.WARN if self._failure else level, self._failure or text, values)
+        level, text = StatusLevel.OK, "extending" if self._enabled else "extension is off"
+        return Status("extended map", StatusLevel.WARN if self._failure else level, self._failure or text, values)

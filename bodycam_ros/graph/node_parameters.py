@@ -6,9 +6,9 @@ from typing import Final
 from bodycam_ros.settings import describe, setting
 
 TRACKER_GROUPS: Final = ("keypoints", "direct", "pose_fit", "inertial")
-REGISTRATION_GROUPS: Final = ("registrar", "growth", "pose_fit")
+REGISTRATION_GROUPS: Final = ("registrar", "extension", "pose_fit")
 SOLVER_GROUPS: Final = (
-    *("clock", "assembler", "smoother", "motion", "contact", "evidence"),
+    *("clock", "assembler", "estimator", "motion", "contact", "evidence"),
     *("coupling", "inertial", "region", "pose_fit"),
 )
 """The groups of settings that each node uses."""
@@ -114,7 +114,7 @@ class RegistrationParameters(ManagedParameters):
         60.0,
         unit="s",
         limits=(1.0, 86400.0),
-        reason="how often 'grown_map' is written if it has changed; growth since then is lost by a crash, and the "
+        reason="how often 'grown_map' is written if it has changed; what was added since is lost by a crash, and the "
         "whole map, some 20 MB, is written each time",
         live=True,
     )
@@ -150,7 +150,7 @@ class SolverParameters(ImageParameters):
     start: str = setting(
         "", reason="with 'stations': YAML of the body in the first images; if empty body cameras must find it"
     )
-    worn: bool = setting(True, reason="whether to use cameras on the body; false for static ones alone")
+    body_cameras: bool = setting(True, reason="whether to use cameras on the body; false for static ones alone")
     publish_links: bool = setting(
         True,
         reason="whether /tf and /tf_static have every link of robot_description, cameras among them; false where "
@@ -247,8 +247,8 @@ ALL = tuple(OF_NODES.values())
 
 GROUPS: Final = frozenset(
     """
-    images keypoints registrar growth extend direct pose_fit
-    clock assembler smoother motion contact evidence coupling inertial region
+    images keypoints registrar extension direct pose_fit
+    clock assembler estimator motion contact evidence coupling inertial region
     frames features shape
     """.split()
 )

@@ -12,7 +12,7 @@ from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_info import readout_time_from_yaml, scaled_camera
 from bodycam_ros.errors import BodycamError, LensError, RecordingError
 from bodycam_ros.files.shown import shown
-from bodycam_ros.formats.stations_file import read_stations
+from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
@@ -109,12 +109,12 @@ def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, flo
 
     Raises:
         LensError: there is no lens of that camera, or it cannot be used.
-        StationError: the file of static cameras cannot be used.
+        StaticCameraError: the file of static cameras cannot be used.
     """
     if lenses is None or not lenses.is_file():
         path = files.lens_path(lenses)
         return camera_from_yaml(path, files.camera), readout_time_from_yaml(path), path
-    stations = read_stations(lenses)
+    stations = read_static_cameras(lenses)
     if files.camera not in stations:
         raise LensError(f"{lenses}: has no camera {files.camera}; it has {', '.join(map(shown, stations))}")
     return stations[files.camera].camera, None, lenses

@@ -26,7 +26,7 @@ class EulerOrder:
 
     R = R_i(first) R_j(middle) R_k(last), with i, j, k a permutation of x, y, z. Each rotation has two such triples; and
     at a middle angle of 90 degrees only the sum or the difference of the other two is determined. Both times the
-    decomposition here stays near the angles of the previous instant, so that angles do not jump while a limb moves.
+    decomposition here stays near the angles of the previous state, so that angles do not jump while a limb moves.
     """
 
     def __init__(self, orders: tuple[str, ...]) -> None:
@@ -194,7 +194,7 @@ class JointAngleTracker:
         self._previous = np.zeros(len(self.names))
 
     def angles(self, world_T_segment: Array) -> Array:
-        """Angles (A) of the segments' poses (S, 4, 4), the next instant after the last call's."""
+        """Angles (A) of the segments' poses (S, 4, 4), the next state after the last call's."""
         joint_poses = self._body.joint_poses(world_T_segment)
         angles = self._joint_angles.angles(joint_poses, self._previous)
         passed = self._within_a_turn & (np.abs(angles) > FULL_TURN)

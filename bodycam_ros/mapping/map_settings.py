@@ -38,8 +38,8 @@ class MapSettings(SettingsGroups):
 
 
 @dataclass(frozen=True)
-class GrowthSettings:
-    """Map extension while cameras are registered (A 4.1, second half)."""
+class ExtensionSettings:
+    """Map extension: while cameras are registered (A 4.1, second half), and in rounds over a recording (A 4.1)."""
 
     enabled: bool = setting(True, reason="body cameras add landmarks where the photographs show none")
     capacity: int = setting(
@@ -48,12 +48,6 @@ class GrowthSettings:
         limits=(100, 1_000_000),
         reason="most added landmarks at a time; those unobserved for longest are removed first. More costs memory",
     )
-
-
-@dataclass(frozen=True)
-class ExtensionSettings:
-    """Rounds of registration and triangulation over a recording (A 4.1)."""
-
     rounds: int = setting(
         5, limits=(1, 20), reason="most rounds, as in A section 4.1; extension stops where a round registers no more"
     )

@@ -30,7 +30,7 @@ class Moment(Enum):
     SOLVED = "solved"
 
 
-class Instant(NamedTuple):
+class ClockTimes(NamedTuple):
     """A time in a process: of the steady clock, and the processor time of all its threads so far [ns]."""
 
     steady_ns: int
@@ -48,14 +48,14 @@ class Moments:
         self._path = path
         self._rows: list[tuple[str | int, ...]] = []
 
-    def now(self) -> Instant | None:
+    def now(self) -> ClockTimes | None:
         """The time now; None where none is written."""
-        return None if self._path is None else Instant(time.monotonic_ns(), time.process_time_ns())
+        return None if self._path is None else ClockTimes(time.monotonic_ns(), time.process_time_ns())
 
-    def note(self, moment: Moment, camera: str, stamp_ns: int, at: Instant | None = None) -> None:
+    def note(self, moment: Moment, camera: str, stamp_ns: int, at: ClockTimes | None = None) -> None:
         """Note what has happened to a frame, now unless it was before; ``camera`` is empty where all are concerned."""
-        if (instant := at or self.now()) is not None:
-            self._rows.append((moment.value, camera, stamp_ns, *instant))
+        if (read := at or self.now()) is not None:
+            self._rows.append((moment.value, camera, stamp_ns, *read))
 
     def write(self) -> None:
         """Write the file, if there is to be one.

@@ -23,7 +23,7 @@ from bodycam_ros.files.shown import shown
 from bodycam_ros.graph.node_parameters import ALL, GROUPS
 from bodycam_ros.messages.factory import Message, MessageFactory, array_sequence
 from bodycam_ros.pipeline.settings import PipelineSettings
-from bodycam_ros.settings import SettingDescription, describe
+from bodycam_ros.settings import SettingDescription, check_name, describe
 
 P = TypeVar("P")
 
@@ -63,6 +63,7 @@ class NodeParameters(Generic[P]):
         of_others = {f.name for each in ALL for f in fields(each)}
         for name, value in _given(node).items():
             group = name.rpartition(".")[0]
+            check_name(name.partition(".")[0], _SOURCE)
             if name in values:
                 values[name] = self._checked(name, value)
             elif group in of_groups or (group not in GROUPS and name not in of_others):

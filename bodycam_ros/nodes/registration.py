@@ -70,8 +70,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # The map grows by frames from before the node became inactive, too.
         defer = partial(self.call_later, even_inactive=True)
-        growing = self.settings.growth
-        self._growth = LiveMapper(self.map, growing, self._request_keyframe, defer, self.log.error)
+        extension = self.settings.extension
+        self._mapper = LiveMapper(self.map, extension, self._request_keyframe, defer, self.log.error)
         if of.grown_map:
             # Each registration grows a map of its own; several may have the same parameters.
             self._growth.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
@@ -99,7 +99,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
         self._cameras = CameraModels(self, cameras, self._set_model)
         self.every(_POLL_S, self._poll)
-        self.every(_SAVE_POLL_S, lambda: self._growth.poll(self.parameters.save_interval), even_inactive=True)
+        self.every(_SAVE_POLL_S, lambda: self._mapper.poll(self.parameters.save_interval), even_inactive=True)
         self.trigger("~/reset", self._reset)
 
     def activate(self) -> None:
@@ -115,7 +115,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def finish(self) -> None:
         """Save the grown map."""
-        self._growth.close()
+        self._mapper.close()
 
     def settings_changed(self) -> None:
         """Use the current thresholds for the next frames."""

@@ -22,7 +22,7 @@ from bodycam_ros.messages.tracks import LANDMARKS_TYPE, landmark_matches
 from bodycam_ros.nodes.body_topics import BodyTopics
 from bodycam_ros.nodes.camera_images import CameraImages
 from bodycam_ros.nodes.camera_topics import CameraModels, CameraTimings, subscribe_sensor
-from bodycam_ros.nodes.moments import Instant, Moment
+from bodycam_ros.nodes.moments import ClockTimes, Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
 from bodycam_ros.registration.landmark_matches import LandmarkMatches

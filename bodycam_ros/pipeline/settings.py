@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 from bodycam_ros.estimation.attachments import CouplingSettings
 from bodycam_ros.estimation.contact import ContactSettings
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.inertial_factors import InertialSettings
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
-from bodycam_ros.mapping.map_settings import ExtensionSettings, GrowthSettings
+from bodycam_ros.mapping.map_settings import ExtensionSettings
 from bodycam_ros.registration.direct_registration import DirectSettings
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.registration.registrar import RegistrarSettings
@@ -27,13 +27,12 @@ class PipelineSettings(SettingsGroups):
     images: ImageSettings = ImageSettings()
     keypoints: KeypointSettings = KeypointSettings()
     registrar: RegistrarSettings = RegistrarSettings()
-    growth: GrowthSettings = GrowthSettings()
-    extend: ExtensionSettings = ExtensionSettings()
+    extension: ExtensionSettings = ExtensionSettings()
     direct: DirectSettings = DirectSettings()
     pose_fit: PoseFitSettings = PoseFitSettings()
     clock: ClockSettings = ClockSettings()
     assembler: AssemblerSettings = AssemblerSettings()
-    smoother: SmootherSettings = SmootherSettings()
+    estimator: EstimatorSettings = EstimatorSettings()
     motion: MotionSettings = MotionSettings()
     contact: ContactSettings = ContactSettings()
     evidence: EvidenceSettings = EvidenceSettings()

@@ -37,7 +37,7 @@ class SkeletonPipeline:
         live: whether registrations come while images are taken, see ``Arrivals``.
         on_corrected: called with every registration, its stamp corrected by its camera's clock.
         equipment: what the body rides, holds or stands on.
-        on_together: called with the share that is done while all instants are solved together.
+        on_together: called with the share that is done while all frames are solved together.
         static_cameras: static cameras around the body.
         stations: their names.
         imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_sample``.
@@ -66,7 +66,7 @@ class SkeletonPipeline:
         imus: Mapping[str, ImuSamples] | None = None,
     ) -> None:
         if live:
-            settings.smoother.check_live()
+            settings.estimator.check_live()
         self._equipment = equipment and fitted_equipment(equipment, body)
         self.body = body = coupled_body(body, self._equipment)
         self._cameras = tuple(cameras)
@@ -85,10 +85,10 @@ class SkeletonPipeline:
         """Nothing is known of the motion."""
         of = self._settings
         coupling = Coupling(self.body, self._equipment, of.coupling, of.motion) if self._equipment else None
-        self._smoother = BodyEstimator(
+        self._estimator = BodyEstimator(
             self.body,
             self._cameras,
-            of.smoother,
+            of.estimator,
             of.motion,
             of.evidence,
             offline=not self._live,
@@ -104,7 +104,7 @@ class SkeletonPipeline:
     @property
     def counts(self) -> SolverCounts:
         """Counts of the whole recording, whatever its stamps do."""
-        return self._counts + self._smoother.counts
+        return self._counts + self._estimator.counts
 
     def add_sample(self, camera: str, stamp_ns: int, reading: tuple[float, ...]) -> list[BodyOutput]:
         """Add one sample of a camera's inertial sensor as it comes; live, outputs while all cameras are silent.
@@ -145,7 +145,7 @@ class SkeletonPipeline:
                 self._begin()
             self._solved_ns = frame.stamp_ns
             self.inertial.set_clocks(self.clocks.corrections)
-            outputs += self._outputs(self._smoother.update(frame))
+            outputs += self._outputs(self._estimator.update(frame))
         return outputs
 
     def _carry(self, due_ns: float) -> list[BodyOutput]:

@@ -13,13 +13,13 @@ from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
-from bodycam_ros.static_cameras.station import Station
 
 
 def image_measurement(
     given: StaticCameraFiles,
-    stations: Mapping[str, Station],
+    stations: Mapping[str, StaticCamera],
     body: BodyModel,
     body_path: Path,
     settings: PipelineSettings,

@@ -97,7 +97,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     is_exercise = rig is not None and reference_map is not None and given.is_bag
     count = _EXERCISE_IMAGES if is_exercise else _IMAGES
 
-    def instants(duration_s: float) -> Array:
+    def sample_times(duration_s: float) -> Array:
         opening = [second for second in OPENING_S if is_exercise and second < duration_s]
         length_s = max(min(given.span.to_s, duration_s) - given.span.from_s, 0.0)
         return given.span.from_s + np.sort(np.concatenate([opening, spread_instants(length_s, count)]))
@@ -122,7 +122,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     if board is not None:
         findings += check_board(recording, board, reference_map is not None)
     if reference_map is not None:
-        last = len(recording.instants_s) - 1
+        last = len(recording.times_s) - 1
         chosen = np.arange(last + 1)
         if recording.is_simultaneous and not is_exercise:
             chosen = np.unique(np.linspace(0, last, min(_REGISTERED_IMAGES, last + 1)).round().astype(int))

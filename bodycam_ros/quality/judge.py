@@ -28,7 +28,7 @@ def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
     """The verdict on what was solved.
 
     Args:
-        poses: registered and solved poses of worn cameras.
+        poses: registered and solved poses of body cameras.
         others: findings on equipment and static cameras.
     """
     unregistered = [camera for camera in poses.cameras if _is_unregistered(poses, camera)]

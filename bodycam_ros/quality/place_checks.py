@@ -31,7 +31,7 @@ def check_board(recording: SampledRecording, board: Board, has_map: bool) -> Ite
         has_map: whether there is a map, whose scale makes the board unnecessary.
     """
     seen: list[str] = []
-    examined, count = 0, len(recording.instants_s)
+    examined, count = 0, len(recording.times_s)
     order = sorted(range(count), key=lambda number: abs(2 * number - count))
     for number, camera in product(order, recording.cameras):
         grey = camera.images.get(number)
@@ -94,16 +94,16 @@ OPENING_S = (0.1, 0.7, 1.3)
 """Times at which the person should stand still."""
 
 
-def check_rest(registered: RegisteredSamples, worn: Collection[str]) -> Iterator[Finding]:
+def check_rest(registered: RegisteredSamples, body_cameras: Collection[str]) -> Iterator[Finding]:
     """Compare the poses of the body cameras in the first second.
 
     Args:
         registered: the images of ``OPENING_S`` among others.
-        worn: cameras of the rig.
+        body_cameras: cameras of the rig.
     """
     check = "N-pose"
-    opening = np.flatnonzero(registered.instants_s <= OPENING_S[-1] + 1e-6).tolist()
-    known = {camera: [p for n, p in registered.known(camera).items() if n in opening] for camera in worn}
+    opening = np.flatnonzero(registered.times_s <= OPENING_S[-1] + 1e-6).tolist()
+    known = {camera: [p for n, p in registered.known(camera).items() if n in opening] for camera in body_cameras}
     compared = {camera: poses for camera, poses in known.items() if len(poses) > 1}
     if not compared:
         yield good(check, "no camera is registered in the first second; the N-pose may come later")
@@ -141,7 +141,7 @@ def check_exercise(registered: RegisteredSamples, rig: Rig) -> Iterator[Finding]
             continue
         judged += 1
         far, second = _ranges_deg(turns)
-        what = f"turned by {far:.0f} deg, about a second axis by {second:.0f}, in {len(turns)} instants"
+        what = f"turned by {far:.0f} deg, about a second axis by {second:.0f}, at {len(turns)} times"
         level = limit_level(far, _EXERCISE_DEG, _HARDLY_EXERCISED_DEG)
         if not level and second < _SECOND_AXIS_DEG and not named.straight_in_rest:
             level = Level.DOUBTFUL

@@ -26,7 +26,7 @@ from bodycam_ros.tracking.feature_tracker import view_mask
 
 Grey = NDArray[np.uint8]
 
-Instants = Callable[[float], Array]
+SampleTimes = Callable[[float], Array]
 """Duration of a recording [s] -> (K,) the times to sample [s]."""
 
 _WIDEST_DEG = 90.0
@@ -85,7 +85,7 @@ class SampledRecording:
     Attributes:
         cameras: by name.
         duration_s: of the recording [s].
-        instants_s: (K,) times of the samples, since the start [s].
+        times_s: (K,) times of the samples, since the start [s].
         is_synchronous: whether stamps of different cameras share a clock, as in a bag; ``bodycam ingest`` synchronises
             videos.
         left_out: cameras that cannot be read, and why.
@@ -94,13 +94,13 @@ class SampledRecording:
 
     cameras: tuple[SampledCamera, ...]
     duration_s: float
-    instants_s: Array
+    times_s: Array
     is_synchronous: bool
     left_out: tuple[str, ...] = ()
     is_simultaneous: bool = True
 
 
-def spread_instants(duration_s: float, count: int) -> Array:
+def spread_times(duration_s: float, count: int) -> Array:
     """(K,) times, evenly over a recording, in the middle of equal parts [s]."""
     return (np.arange(count) + 0.5) * duration_s / count
 
@@ -149,7 +149,7 @@ def sample_bag(
     """
     with open_recording(path, names) as recording:
         times = recording.image_times()
-        instants_s = instants(recording.duration_s)
+        times_s = sample_times(recording.duration_s)
         images: dict[str, dict[int, Grey]] = {camera: {} for camera in recording.cameras}
         faults: dict[str, str] = {}
         videos = recording.keyframe_samples(_KEYFRAMES)
@@ -206,15 +206,15 @@ def _lens_or_fault(read: Callable[[], CameraModel]) -> tuple[CameraModel | None,
 
 
 def sample_videos(
-    path: Path, lens_folder: Path | None, instants: Instants, on_instant: Callable[[], None]
+    path: Path, lens_folder: Path | None, sample_times: SampleTimes, on_sample: Callable[[], None]
 ) -> SampledRecording:
     """Sample videos, each at times of its own clock.
 
     Args:
         path: folder with videos, or one of them.
         lens_folder: with the lens YAMLs; None: beside the videos.
-        instants: times to sample.
-        on_instant: called after each, of all cameras together.
+        sample_times: times to sample.
+        on_sample: called after each, of all cameras together.
 
     Raises:
         RecordingError: the path is missing, holds no video, or none that can be read.
@@ -229,16 +229,16 @@ def sample_videos(
     if not videos:
         raise RecordingError(f"{path}: none of its videos can be read: {'; '.join(left_out)}")
     duration_s = max(video.facts.duration_s for _, video in videos)
-    instants_s = instants(duration_s)
+    times_s = sample_times(duration_s)
     keyframes: dict[str, dict[float, tuple[int, Grey]]] = {files.camera: {} for files, _ in videos}
     faults: dict[str, str] = {}
-    for number, seconds in enumerate(instants_s.tolist()):
+    for number, seconds in enumerate(times_s.tolist()):
         for files, video in videos:
             try:
                 _add_keyframe(video, number, seconds, keyframes[files.camera])
             except RecordingError as error:
                 faults.setdefault(files.camera, str(error))
-        on_instant()
+        on_sample()
     cameras = []
     for files, video in videos:
         lens, lens_fault = _lens_or_fault(lambda files=files: read_lens(files, lens_folder)[0])  # type: ignore[misc]
@@ -249,7 +249,7 @@ def sample_videos(
         cameras.append(
             SampledCamera(files.camera, lens, lens_fault, stamps_s, stamps_s, images, fault, has_sound=has_sound)
         )
-    return SampledRecording(tuple(cameras), duration_s, instants_s, False, tuple(left_out))
+    return SampledRecording(tuple(cameras), duration_s, times_s, False, tuple(left_out))
 
 
 def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[float, tuple[int, Grey]]) -> None:
@@ -271,11 +271,11 @@ class RegisteredSamples:
     """Registrations of a recording's samples.
 
     Attributes:
-        instants_s: (K,) times of the samples [s].
+        times_s: (K,) times of the samples [s].
         poses: camera -> number of a sample -> (4, 4) world_T_camera, or None where the image cannot be registered.
     """
 
-    instants_s: Array
+    times_s: Array
     poses: Mapping[str, Mapping[int, Array | None]]
 
     def share(self, camera: str) -> float:
@@ -294,7 +294,7 @@ def register_samples(
     numbers: Sequence[int],
     reference_map: ReferenceMap,
     jobs: int,
-    on_instant: Callable[[], None],
+    on_sample: Callable[[], None],
 ) -> RegisteredSamples:
     """Register the images of some cameras, each without regard to the others.
 
@@ -304,7 +304,7 @@ def register_samples(
         numbers: of the samples, in the order in which they are registered.
         reference_map: the map.
         jobs: threads.
-        on_instant: called after each sample with an image.
+        on_sample: called after each sample with an image.
     """
     usable = {c.name: c for c in recording.cameras if c.name in cameras and c.lens is not None}
     registrations = {n: ImageRegistration(c.lens, reference_map) for n, c in usable.items() if c.lens is not None}
@@ -323,8 +323,8 @@ def register_samples(
             if not done:
                 register(names.pop(), number)  # builds the map's search index once
             list(pool.map(register, names, [number] * len(names)))
-            on_instant()
+            on_sample()
             done += 1
             if done == _HOPELESS and not any(pose is not None for of in poses.values() for pose in of.values()):
                 break
-    return RegisteredSamples(recording.instants_s, poses)
+    return RegisteredSamples(recording.times_s, poses)

@@ -98,7 +98,7 @@ def extend_map(
     )
     rounds: list[ExtensionRound] = []
     with scratch_folder(Path(gettempdir())) as scratch:
-        while len(rounds) < settings.extend.rounds:
+        while len(rounds) < settings.extension.rounds:
             step = f"round {len(rounds) + 1}"
             mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), partners=_PARTNERS)
             images, registered, absolute = Counter[str](), Counter[str](), 0

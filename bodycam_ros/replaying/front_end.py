@@ -10,7 +10,7 @@ from multiprocessing.context import ForkServerProcess
 from multiprocessing.queues import Queue
 
 from bodycam_ros.errors import BodycamError, RecordingError
-from bodycam_ros.mapping.map_settings import GrowthSettings
+from bodycam_ros.mapping.map_settings import ExtensionSettings
 from bodycam_ros.recording.bag_reader import LAST_NS, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.camera_worker import (
@@ -56,7 +56,7 @@ def registered_images(
         start_ns, duration_s = recording.first_stamp_ns, max(recording.duration_s, 1e-9)
     unusable = UnusableCount()
     with start_workers(task, cameras, jobs) as workers:
-        for item in merged_results(workers, task.settings.growth, ReferenceMap.load(task.map_path)):
+        for item in merged_results(workers, task.settings.extension, ReferenceMap.load(task.map_path)):
             if isinstance(item, RegisteredImage):
                 yield item
                 on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
@@ -65,7 +65,7 @@ def registered_images(
 
 
 def merged_results(
-    workers: Sequence["Worker"], growth: GrowthSettings, reference_map: ReferenceMap
+    workers: Sequence["Worker"], extension: ExtensionSettings, reference_map: ReferenceMap
 ) -> Iterator[Result]:
     """Results of all workers in order of recording, whatever the number of processes and the pace of each.
 
@@ -73,7 +73,7 @@ def merged_results(
 
     Args:
         workers: as they were started.
-        growth: of the map; where it is enabled, workers are sent what all cameras add to it.
+        extension: of the map; where it is enabled, workers are sent what all cameras add to it.
         reference_map: in which they are registered.
 
     Raises:
@@ -85,7 +85,7 @@ def merged_results(
         for worker in listening.values():
             worker.inbox.put(update)
 
-    updates = MapUpdateSource(reference_map, growth.capacity, send) if growth.enabled else None
+    updates = MapUpdateSource(reference_map, extension.capacity, send) if extension.enabled else None
     pending = {number: item for number, worker in enumerate(workers) if (item := worker.next_result())}
     while pending:
         earliest = min(pending, key=lambda number: (pending[number].recorded_ns, pending[number].camera))

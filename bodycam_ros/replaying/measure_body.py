@@ -14,7 +14,7 @@ from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.errors import RangeOfMotionError, StationError
+from bodycam_ros.errors import RangeOfMotionError, StaticCameraError
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -36,7 +36,7 @@ from bodycam_ros.tracking.image_rate import ImageSettings
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
 _AT_ONCE_S = 0.005
-"""Stamps of different stations that differ by less are one instant."""
+"""Stamps of different stations that differ by less are one frame."""
 
 
 def measure_body(
@@ -54,7 +54,7 @@ def measure_body(
     Args:
         recording_path: ros2 bag folder or .mcap file.
         map_path: folder of the reference map; None where the stations' own frame is the world.
-        body: that is begun with; it gets hands, and loses its scan, which has lengths of its own.
+        body: initial estimate; it gets hands, and loses its scan, which has lengths of its own.
         given: where the stations stand, and where the body is in the first images.
         pipeline: settings of following it.
         settings: what is expected of it.
@@ -67,7 +67,7 @@ def measure_body(
     warm_up()
     start = given.start
     if start is None:
-        raise StationError(
+        raise StaticCameraError(
             f"where the body is at first is unknown; place it by hand with "
             f"'bodycam view --place {recording_path}', and give that as --start"
         )

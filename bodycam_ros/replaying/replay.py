@@ -17,7 +17,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
 from bodycam_ros.camera.camera_image import CameraImage
-from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StationError
+from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StaticCameraError
 from bodycam_ros.files.whole_file import scratch_folder
 from bodycam_ros.pipeline.sensors import camera_turns, unused_sensors
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
@@ -66,7 +66,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         clock_sigma_s = max(map(recording.clock_sigma, recording.cameras))
         summary = ReplaySummary(recording.duration_s, rounds=rounds, clock_sigma_s=clock_sigma_s)
         metric_map = cache(lambda: None if map_path is None else load_map(map_path))
-        stations = read_recorded_stations(outside, metric_map(), recording, body) if outside else {}
+        stations = read_recorded_static_cameras(outside, metric_map(), recording, body) if outside else {}
         mounted = _mounted_cameras(recording, body, stations) if map_path else []
         # Static cameras observe what body cameras that are not on yet do not.
         solves_all = request.whole or bool(stations)
@@ -107,7 +107,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             settings,
             on_corrected=log.add_registration,
             equipment=coupling,
-            on_together=partial(on_step, "all instants together"),
+            on_together=partial(on_step, "all frames together"),
             static_cameras=static_cameras,
             stations=stations,
             imus=imus,
@@ -121,7 +121,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
-            registered = merged_results(workers, settings.growth, reference_map)
+            registered = merged_results(workers, settings.extension, reference_map)
         images_step = f"replay of {summary.recorded_s:.1f} s"
         for item in _with_images(registered, recording, stations, window_ns):
             out.write_image(item)

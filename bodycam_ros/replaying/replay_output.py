@@ -48,9 +48,9 @@ class ReplayOutput:
         writer: of the bag.
         skeleton: that solves the recording.
         log: of its registrations.
-        cameras: models of the worn cameras, by name.
+        cameras: models of the body cameras, by name.
         stations: names of the static ones.
-        reference_map: in which worn cameras are registered, if any.
+        reference_map: in which body cameras are registered, if any.
         equipment: what the body is coupled to, if anything.
         summary: of the replay, which is filled in.
     """
@@ -105,7 +105,7 @@ class ReplayOutput:
             self._write_diagnostics(item.stamp_ns)
 
     def write_measured(self, stamps_ns: Mapping[str, int], measured: StaticMeasurement) -> None:
-        """Measurements of static cameras of the segments at an instant, each with the stamp of its own image."""
+        """Measurements of static cameras of the segments at a time, each with the stamp of its own image."""
         names = self._body.segments
         self._static.add(
             min(stamps_ns.values()),
@@ -120,7 +120,7 @@ class ReplayOutput:
             self._writer.write(f"/{station}{SEGMENT_POSES}", stamps_ns[station], message)
 
     def write_states(self, outputs: Iterable[BodyOutput]) -> None:
-        """The body at some instants."""
+        """The body at some times."""
         for output in outputs:
             self._summary.solved += 1
             self._summary.predicted += output.state.predicted
@@ -134,7 +134,7 @@ class ReplayOutput:
         """What is known at the end alone: the robot, the clocks, and whether the result may be used.
 
         Args:
-            bare: segments without a worn camera, which static cameras should observe.
+            bare: segments without a body camera, which static cameras should observe.
         """
         summary, skeleton = self._summary, self._skeleton
         summary.equipment = self._coupled.record()
@@ -167,7 +167,7 @@ class ReplayOutput:
         summary.late = skeleton.arrivals.late
         if summary.late:
             logger.warning(
-                "%d registrations came after their instant had been solved without them; does a camera pause for "
+                "%d registrations came after their frame had been solved without them; does a camera pause for "
                 "longer than assembler.max_wait?",
                 summary.late,
             )

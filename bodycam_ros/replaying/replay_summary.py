@@ -20,12 +20,12 @@ class ReplaySummary:
         recorded_s: duration of the recording.
         start_ns: of the first image [ns].
         elapsed_s: time that the replay took.
-        instants: instants with at least one image, and those interpolated.
-        solved: instants with a body state.
-        predicted: of these, instants that no camera contributed to.
-        interpolated: instants at which all cameras were silent, filled in from both sides.
-        rejected: camera -> instants at which it contradicted the others and was rejected.
-        late: registrations that came too late for their instant, because a camera had been silent for long.
+        frames: frames with at least one image, and those interpolated.
+        solved: frames with a body state.
+        predicted: of these, frames that no camera contributed to.
+        interpolated: frames at which all cameras were silent, filled in from both sides.
+        rejected: camera -> frames at which it contradicted the others and was rejected.
+        late: registrations that came too late for their frame, because a camera had been silent for long.
         images: camera -> images read.
         registered: camera -> images registered in the map.
         skipped: camera -> images that could not be used.
@@ -45,7 +45,7 @@ class ReplaySummary:
     recorded_s: float
     start_ns: int = 0
     elapsed_s: float = 0.0
-    instants: int = 0
+    frames: int = 0
     solved: int = 0
     predicted: int = 0
     interpolated: int = 0

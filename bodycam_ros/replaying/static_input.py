@@ -13,13 +13,17 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import mode_of_size
-from bodycam_ros.errors import LensError, RecordingError, StationError
-from bodycam_ros.formats.stations_file import read_stations, refuse_worn
+from bodycam_ros.errors import LensError, RecordingError, StaticCameraError
+from bodycam_ros.formats.static_cameras_file import read_static_cameras, refuse_body_cameras
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.station import Station
-from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationRegistration, StationsSettings
+from bodycam_ros.static_cameras.static_camera import StaticCamera
+from bodycam_ros.static_cameras.static_camera_registration import (
+    RegisteredStaticCamera,
+    StaticCameraRegistration,
+    StaticCamerasSettings,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -27,31 +31,31 @@ _IMAGES = 12  # of each camera, spread over the recording: people have moved on 
 _OTHER_LENS = 0.02  # share by which focal lengths differ
 
 
-def read_recorded_stations(
+def read_recorded_static_cameras(
     given: StaticCameraFiles, reference_map: ReferenceMap | None, recording: Recording, body: BodyModel
-) -> dict[str, Station]:
+) -> dict[str, StaticCamera]:
     """The static cameras that a recording has images of; a lens that contradicts its camera_info is warned about.
 
     Raises:
-        StationError: the file cannot be used, the recording has none of its cameras, or one of them is on the body.
+        StaticCameraError: the file cannot be used, the recording has none of its cameras, or one is on the body.
     """
-    stations, cameras = read_stations(given.stations, reference_map), recording.cameras
+    stations, cameras = read_static_cameras(given.stations, reference_map), recording.cameras
     stations = _renamed(given.stations, stations, cameras)
     there = {name: station for name, station in stations.items() if name in cameras}
     if not there:
-        raise StationError(
+        raise StaticCameraError(
             f"{given.stations}: the recording has none of its cameras ({', '.join(stations)}); it has "
             f"{', '.join(cameras)}. A camera is named as its topics: /NAME/image_raw/compressed"
         )
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
-    refuse_worn(given.stations, there, body)
+    refuse_body_cameras(given.stations, there, body)
     for station in there.values():
         _compare_lenses(given.stations, station, recording)
     return there
 
 
-def _renamed(path: Path, stations: dict[str, Station], cameras: Sequence[str]) -> dict[str, Station]:
+def _renamed(path: Path, stations: dict[str, StaticCamera], cameras: Sequence[str]) -> dict[str, StaticCamera]:
     """Static cameras under the names of the recording, where both are numbered: int_cam1_img, cam01."""
     if set(stations) & set(cameras):
         return stations
@@ -71,7 +75,7 @@ def _number(name: str) -> int | None:
     return int(digits[0]) if len(digits) == 1 else None
 
 
-def _compare_lenses(file: Path, station: Station, recording: Recording) -> None:
+def _compare_lenses(file: Path, station: StaticCamera, recording: Recording) -> None:
     try:
         recorded = recording.camera_model(station.name)
     except LensError:
@@ -107,9 +111,9 @@ class UnplacedCamera:
     reason: str
 
 
-def place_stations(
-    recording: Recording, cameras: Sequence[str], reference_map: ReferenceMap, settings: StationsSettings
-) -> Iterator[RegisteredStation | UnplacedCamera]:
+def place_static_cameras(
+    recording: Recording, cameras: Sequence[str], reference_map: ReferenceMap, settings: StaticCamerasSettings
+) -> Iterator[RegisteredStaticCamera | UnplacedCamera]:
     """Register static cameras in a map, in their order.
 
     Args:
@@ -122,8 +126,8 @@ def place_stations(
         try:
             camera = recording.camera_model(name)
             images = _spread_images(recording, camera, _IMAGES)
-            yield StationRegistration(camera, reference_map, settings).register(images)
-        except (LensError, RecordingError, StationError) as error:
+            yield StaticCameraRegistration(camera, reference_map, settings).register(images)
+        except (LensError, RecordingError, StaticCameraError) as error:
             yield UnplacedCamera(name, str(error))
 
 

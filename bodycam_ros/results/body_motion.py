@@ -9,7 +9,7 @@ from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
 def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.int64]) -> Array:
     """Poses (N, 4, 4) at stamps (N,) within a trajectory (K, 4, 4) known at stamps (K,), two or more, increasing [ns].
 
-    Between two instants the position goes straight and the rotation about one axis, both at constant speed.
+    Between two states the position goes straight and the rotation about one axis, both at constant speed.
     """
     before = np.clip(np.searchsorted(stamps_ns, at_ns, side="right") - 1, 0, len(stamps_ns) - 2)
     share = ((at_ns - stamps_ns[before]) / (stamps_ns[before + 1] - stamps_ns[before]))[:, None]

@@ -41,7 +41,7 @@ _WITHOUT_GAPS = 10
 
 
 @dataclass(frozen=True, eq=False)
-class StationRecord:
+class StaticCameraRecord:
     """One static camera over K images.
 
     Attributes:
@@ -106,7 +106,7 @@ class SolvedRecording(SolvedBody):
     """
 
     cameras: tuple[CameraRecord, ...]
-    stations: tuple[StationRecord, ...] = ()
+    stations: tuple[StaticCameraRecord, ...] = ()
     stored_verdict: Verdict | None = None
     zero_ns: int | None = None
 
@@ -133,7 +133,7 @@ class SolvedRecording(SolvedBody):
         return int(np.median(together)) if len(together) else 1
 
     @cached_property
-    def instant_ns(self) -> int:
+    def step_ns(self) -> int:
         """Time between two states without a gap [ns]: a frame, unless another rate was asked for."""
         steps = np.diff(self.stamps_ns)
         return int(np.percentile(steps, _WITHOUT_GAPS)) if len(steps) else self.frame_ns
@@ -141,7 +141,7 @@ class SolvedRecording(SolvedBody):
     @cached_property
     def longest_step_ns(self) -> float:
         """States that are further apart have a gap between them [ns]."""
-        return GAP_FRAMES * max(self.frame_ns, self.instant_ns)
+        return GAP_FRAMES * max(self.frame_ns, self.step_ns)
 
     @property
     def duration_s(self) -> float:
@@ -228,7 +228,7 @@ def read_solved(path: Path) -> SolvedRecording:
         clock, (given_ns, counts, poses, sights) = clock_history(camera, timings[camera]), _columns(registered[camera])
         stamps_ns = given_ns if clock is None else clock.corrected_ns(given_ns)
         cameras.append(CameraRecord(camera, stamps_ns, counts, poses, sights, clock))
-    stations = tuple(StationRecord(station, *_columns(rows)) for station, rows in sorted(observed.items()))
+    stations = tuple(StaticCameraRecord(station, *_columns(rows)) for station, rows in sorted(observed.items()))
     if not cameras and not stations:
         raise RecordingError(
             f"{path}: no message on /<camera>{LANDMARKS} can be read; another version of bodycam wrote this bag: "

@@ -20,8 +20,8 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
 from bodycam_ros.static_cameras.start_file import PlacedBody
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import decode_images, predicted_body
-from bodycam_ros.static_cameras.station import Station
 
 _ROUNDS = 6  # of tracking the recording with a better body, at most
 _CONVERGED = 0.3  # sigmas of itself by which no length changes any more
@@ -41,13 +41,13 @@ class Measure:
     Attributes:
         name: of the joint, or of the segment that is as thick.
         axis: x, y or z, along which the joint is away from its parent's origin; empty for a girth.
-        begun, found, sigma: initial and final estimate, and its standard deviation: [m], or times as thick as people.
+        initial, found, sigma: initial and final estimate, and its standard deviation: [m], or times as thick as people.
         is_measured: whether the recording measures it; else it is as expected of people.
     """
 
     name: str
     axis: str
-    begun: float
+    initial: float
     found: float
     sigma: float
     is_measured: bool
@@ -91,7 +91,7 @@ class BodyMeasurement:
     def __init__(
         self,
         body: BodyModel,
-        stations: Mapping[str, Station],
+        stations: Mapping[str, StaticCamera],
         frames: Callable[[], Iterable[tuple[float, BodyFrame]]],
         placed: Callable[[BodyModel], PlacedBody],
         settings: ShapeSettings,
@@ -184,10 +184,10 @@ class BodyMeasurement:
     def _measures(self, shares: Array, sigmas: Array) -> tuple[tuple[Measure, ...], tuple[Measure, ...]]:
         """Lengths and girths of shares (K,) with sigmas (K,)."""
         shape, count = self._shape, len(self._shape.lengths)
-        begun, found = shape.initial, shape.initial * (1.0 + shares)
+        initial, found = shape.initial, shape.initial * (1.0 + shares)
         found[count:] = [shape.shaped(shares).girths[segment] for segment in shape.thick]
         is_measured = sigmas < _MEASURED * np.sqrt(np.diag(np.linalg.inv(shape.prior(shares)[0])))
-        columns = (begun, found, np.abs(begun) * sigmas, is_measured)
+        columns = (initial, found, np.abs(initial) * sigmas, is_measured)
         rows = zip(shape.names, *(column.tolist() for column in columns), strict=True)
         measures = tuple(Measure(*name, *numbers) for name, *numbers in rows)
         return measures[:count], measures[count:]

@@ -17,7 +17,7 @@ from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid
 from bodycam_ros.kinematics.joint_angles import JointLimits
 from bodycam_ros.static_cameras.limb_search import chains_of
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 _REACH_M, _END_M, _BEND_RAD = 0.01, 0.1, 2.0
 """Sigmas of the place that a segment is moved to, of where its far end was, and of angles about those before."""
@@ -115,7 +115,7 @@ class Placement:
         return JointLimits(self.body)
 
 
-def standing_in_view(body: BodyModel, stations: Collection[Station]) -> Array:
+def standing_in_view(body: BodyModel, stations: Collection[StaticCamera]) -> Array:
     """Poses (S, 4, 4) of a body in its N-pose where the cameras' axes come nearest to each other, facing the first.
 
     A place some metres before each camera counts a little, too.

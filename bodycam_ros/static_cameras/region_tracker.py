@@ -26,7 +26,7 @@ from bodycam_ros.static_cameras.segment_support import (
     surface_variances,
 )
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
-from bodycam_ros.static_cameras.station import Contour, Image, Mask, RegionEvidence, RegionModel, Station
+from bodycam_ros.static_cameras.static_camera import Contour, Image, Mask, RegionEvidence, RegionModel, StaticCamera
 
 _LOOSE = np.repeat([0.3, 0.05], 3)
 """[rad], [m] deviation of a tried pose from where the images have the segment."""
@@ -83,7 +83,7 @@ class RegionTracker:
         self,
         body: BodyModel,
         surface: BodySurface,
-        stations: Mapping[str, Station],
+        stations: Mapping[str, StaticCamera],
         settings: RegionSettings,
         searches_again: bool = True,
     ) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras.station import RegionEvidence
+from bodycam_ros.static_cameras.static_camera import RegionEvidence
 
 Mask = NDArray[np.bool_]
 

@@ -16,7 +16,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.region_settings import LEAST_SIGMA_PX, LINES_ALIKE, MIN_LINES, RegionSettings
-from bodycam_ros.static_cameras.station import Image, RegionModel
+from bodycam_ros.static_cameras.static_camera import Image, RegionModel
 
 BULGES = 9
 """Bulges of each segment: three to lean, a taper, three to bend, flat rather than round, and thick in the middle."""

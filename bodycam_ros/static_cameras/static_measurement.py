@@ -14,7 +14,7 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import PlacedBody, placed_segments
-from bodycam_ros.static_cameras.station import Image, Station
+from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
 
 logger = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ class ImageMeasurement:
 
 
 def decode_images(
-    images: Mapping[str, CameraImage], stations: Mapping[str, Station], unreadable: set[str]
+    images: Mapping[str, CameraImage], stations: Mapping[str, StaticCamera], unreadable: set[str]
 ) -> dict[str, Image]:
     """Decoded images of static cameras; a warning names the first of each camera that cannot be used."""
     pictures = {}

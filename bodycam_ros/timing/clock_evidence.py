@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.body.articulation import distance_weights, eliminate_instants, motion_of_cameras
+from bodycam_ros.body.articulation import distance_weights, eliminate_states, motion_of_cameras
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -96,7 +96,7 @@ def clock_evidence(
     gradients = (information @ errors[..., None])[..., 0]
     squared = np.einsum("tci,tci->tc", gradients, errors)
     weights = distance_weights(squared, known, _OUTLIER_SIGMAS) / _CORRELATED
-    eliminated = eliminate_instants(
+    eliminated = eliminate_states(
         motion.moving_jacobians(),
         motion.delay_jacobians(),
         weights[..., None, None] * information,

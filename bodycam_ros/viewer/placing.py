@@ -16,7 +16,7 @@ from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import markdown_text
 from bodycam_ros.formats.read_captured import read_start
-from bodycam_ros.formats.stations_file import world_T_file
+from bodycam_ros.formats.static_cameras_file import world_T_file
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -26,7 +26,7 @@ from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.segment_support import CONFIRMED
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles, write_start
-from bodycam_ros.static_cameras.station import Image, Station
+from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.editor import Editor
 from bodycam_ros.viewer.motion import Motion
@@ -69,7 +69,7 @@ class PlacingSources:
         person = with_hands(read_body(body)) if isinstance(body, Path) else body_of_height(body, "person")
         self.reference_map = None if map_path is None else ReferenceMap.load(map_path)
         with open_recording(recording_path) as recording:
-            stations = read_recorded_stations(files, self.reference_map, recording, person)
+            stations = read_recorded_static_cameras(files, self.reference_map, recording, person)
             self.images = _first_images(recording, stations)
         self.surfaces = surfaces_of(person, body_path, files.surface)
         self.tracker = RegionTracker(person, BodySurface.of(person, self.surfaces), stations, RegionSettings())
@@ -92,7 +92,7 @@ class PlacingSources:
         write_start(output, dict(zip(segments, self._file_T_world @ poses, strict=True)))
 
 
-def _first_images(recording: Recording, stations: Mapping[str, Station]) -> dict[str, Image]:
+def _first_images(recording: Recording, stations: Mapping[str, StaticCamera]) -> dict[str, Image]:
     """Camera -> its first image, of the cameras that have one at about the time of the very first.
 
     Raises:

@@ -22,7 +22,7 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.camera_picture import GOOD, CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.picture_style import EQUIPMENT, QUIET, WARNING, rgb, side_colour
-from bodycam_ros.static_cameras.station import Image, Station
+from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.server import LocalServer
@@ -92,7 +92,7 @@ class Scene:
         reference_map: ReferenceMap | None,
         motion: Motion,
         on_click: Callable[[Part], None],
-        stations: Mapping[str, Station] = MappingProxyType({}),
+        stations: Mapping[str, StaticCamera] = MappingProxyType({}),
         read_surfaces: SurfaceReader = lambda body: {},
     ) -> None:
         self._server, self._scene, self._on_click = server, server.scene, on_click

@@ -7,7 +7,7 @@ from bodycam_ros.body.body_file import URDF_SUFFIX
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.errors import RecordingError, ViewError
-from bodycam_ros.formats.stations_file import check_stations_frame, read_stations
+from bodycam_ros.formats.static_cameras_file import check_static_cameras_frame, read_static_cameras
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -41,18 +41,18 @@ class Sources:
         map_path: Path | None,
         body_path: Path | None,
         recording: Path | None,
-        stations_path: Path | None = None,
+        static_cameras_path: Path | None = None,
         surface: Path | None = None,
     ) -> None:
         if body_path is None and solved is None:
             raise ViewError("the body is unknown: give its file with --body, or name OUT, which describes it")
         if recording is not None and solved is None:
-            place = f"--stations {stations_path}" if map_path is None else f"--map {map_path}"
+            place = f"--stations {static_cameras_path}" if map_path is None else f"--map {map_path}"
             raise ViewError(
                 f"{recording}: without OUT the body's motion in these images is unknown; solve them first with "
                 f"'bodycam replay {recording} {place} --body {body_path} -o OUT', then name OUT here too"
             )
-        if map_path is None and stations_path is None and solved is None:
+        if map_path is None and static_cameras_path is None and solved is None:
             raise ViewError("no place: give its reference map with --map, or its static cameras with --stations")
         published: BodyModel | None = None
         if solved is not None:
@@ -66,7 +66,7 @@ class Sources:
             # A replay with static cameras adds hands.
             segments = () if published is None else published.segments
             kinds = {SegmentName(segment).kind for segment in segments}
-            has_hands = "hand" in kinds or (solved is None and stations_path is not None)
+            has_hands = "hand" in kinds or (solved is None and static_cameras_path is not None)
             self.body = self.body_file.read()
             if has_hands:
                 self.body = with_hands(self.body)
@@ -75,9 +75,11 @@ class Sources:
         else:
             raise ViewError(f"{solved}: does not describe its body; give the body's file with --body")
         self.reference_map = None if map_path is None else ReferenceMap.load(map_path)
-        self.stations = {} if stations_path is None else read_stations(stations_path, self.reference_map)
-        if stations_path is not None and solved is not None:
-            check_stations_frame(stations_path, solved, map_path)
+        self.stations = (
+            {} if static_cameras_path is None else read_static_cameras(static_cameras_path, self.reference_map)
+        )
+        if static_cameras_path is not None and solved is not None:
+            check_static_cameras_frame(static_cameras_path, solved, map_path)
         if solved is not None:
             given_map = None if self.reference_map is None or map_path is None else (self.reference_map, map_path)
             given_body = None if self.body_file is None or body_path is None else (self.body_file.read(), body_path)
@@ -91,5 +93,5 @@ class Sources:
                     raise RecordingError(
                         f"{recording}: has none of the body's cameras; it has {', '.join(bag.cameras)}, the body "
                         f"{', '.join(self.body.mounts) or 'none'}"
-                        + (f", {stations_path} {', '.join(self.stations)}" if self.stations else "")
+                        + (f", {static_cameras_path} {', '.join(self.stations)}" if self.stations else "")
                     )

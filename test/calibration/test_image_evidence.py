@@ -33,7 +33,7 @@ def cost(images: ImageEvidence, world_T_camera: np.ndarray) -> float:
     """Half the Geman-McClure cost whose derivative the weights are."""
     total, scale = 0.0, images.pose_fit.inlier_px**2
     for c, view in enumerate(images.views):
-        image_T_world = inverse((world_T_camera[:, c] @ images.instant_T_image[:, c])[view.instants])
+        image_T_world = inverse((world_T_camera[:, c] @ images.frame_T_image[:, c])[view.frames])
         points_camera = transform_points(image_T_world, images.points_world[view.landmarks][:, None])[:, 0]
         pixels, visible = view.camera.project(points_camera)
         squared = np.sum((pixels - view.pixels)[visible] ** 2, axis=1)

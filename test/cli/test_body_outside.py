@@ -44,7 +44,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
         if joint.name in ("knee_left", "elbow_right"):
             after = next(other for other in body.joints if other.name == joint.name)
             said = report["lengths"][f"{joint.name}_z"]
-            assert said["begun"] == pytest.approx(joint.parent_T_joint[2, 3], abs=1e-4)
+            assert said["initial"] == pytest.approx(joint.parent_T_joint[2, 3], abs=1e-4)
             assert said["found"] == pytest.approx(after.parent_T_joint[2, 3], abs=1e-4)
             assert after.parent_T_joint[2, 3] == pytest.approx(joint.parent_T_joint[2, 3], rel=0.06)
             assert after.limits == joint.limits

@@ -47,7 +47,7 @@ def run(*arguments: object) -> "subprocess.CompletedProcess[str]":
 
 def test_a_map_is_extended_drawn_and_used(part: Path, stretch: Path, tmp_path: Path) -> None:
     out = tmp_path / "longer"
-    done = run("map", "extend", stretch, "--map", part, "-o", out, "--jobs", 2, "--extend.rounds", 2)
+    done = run("map", "extend", stretch, "--map", part, "-o", out, "--jobs", 2, "--extension.rounds", 2)
     assert done.returncode == 0, done.stderr
     assert "registered images" in done.stdout and "thigh_left" in done.stdout
     before, after = ReferenceMap.load(part), ReferenceMap.load(out)
@@ -71,7 +71,7 @@ def test_the_map_is_the_same_whatever_the_number_of_processes(sample: Path, part
     bag, made = write_altered_sample(sample, tmp_path / "bag", cameras=seen, frames=30), []
     for jobs in ("1", "2"):
         out = tmp_path / jobs
-        arguments = [str(bag), "--map", str(part), "-o", str(out), "--jobs", jobs, "--extend.rounds", "1"]
+        arguments = [str(bag), "--map", str(part), "-o", str(out), "--jobs", jobs, "--extension.rounds", "1"]
         assert main(["map", "extend", *arguments]) == 0
         made.append(ReferenceMap.load(out))
     assert made[0].grown > 20
@@ -114,7 +114,7 @@ def test_a_map_without_photographs_grows_too(part: Path, stretch: Path, tmp_path
     bare = shutil.copytree(part, tmp_path / "bare")
     (bare / "photographs.npz").unlink()
     out = tmp_path / "out"
-    arguments = [str(stretch), "--map", str(bare), "-o", str(out), "--jobs", "2", "--extend.rounds", "1"]
+    arguments = [str(stretch), "--map", str(bare), "-o", str(out), "--jobs", "2", "--extension.rounds", "1"]
     assert main(["map", "extend", *arguments]) == 0
     after = ReferenceMap.load(out)
     assert after.photographs is None and after.grown > 20

@@ -1,4 +1,4 @@
-"""A map of what worn cameras saw, from the command line: it agrees with the map that photographs of the place make."""
+"""A map of what body cameras saw, from the command line: it agrees with the map that photographs of the place make."""
 
 import subprocess
 import sys

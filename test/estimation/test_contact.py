@@ -26,11 +26,11 @@ def lenses(body: BodyModel) -> dict[str, CameraModel]:
 def solved(body: BodyModel, settings: ContactSettings, seed: int = 0) -> Array:
     """Poses (FRAMES, 2, 4, 4)."""
     rng = np.random.default_rng(seed)
-    smoother = BodyEstimator(body, lenses(body), contact=settings)
+    estimator = BodyEstimator(body, lenses(body), contact=settings)
     states = []
     for frame in range(FRAMES):
-        states += smoother.update(frame_of(body, frame, rng))
-    states += smoother.flush()
+        states += estimator.update(frame_of(body, frame, rng))
+    states += estimator.flush()
     return np.array([state.world_T_segment for state in states])
 
 

@@ -14,11 +14,11 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.estimation.attachments import CONFIRM_FRAMES, CouplingSettings
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.coupling import Coupling
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.factors.factor import state_key
 from bodycam_ros.estimation.factors.joint_rotations import SLIDES_M
 from bodycam_ros.estimation.factors.motion import MotionModel
 from bodycam_ros.estimation.motion_settings import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.estimation.whole_recording import first_initial
 from bodycam_ros.estimation.window import Window
 from bodycam_ros.geometry import Array
@@ -82,7 +82,7 @@ def run(who: str, what: str, delay: int | str) -> Solved:
     """Solved live, but for what is offline."""
     seconds = {"rider": 0.7, "learner": THREE_TURNS_S + 0.1}
     athlete = kicker() if who == "kicker" else cyclist(seconds[who], CADENCE_RPM)
-    settings = SmootherSettings(output_delay=delay)
+    settings = EstimatorSettings(output_delay=delay)
     return solved(athlete, Sight(), described(what), settings=settings, live=not settings.whole_recording)
 
 
@@ -185,7 +185,7 @@ def test_equipment_that_nobody_holds_is_no_reason_to_stop(delay: int | str) -> N
     """Nothing ties it to the body, for longer than its covariance once bore."""
     never = tuple(replace(a, intervals=((1e6, 2e6),)) for a in bicycle().attachments)
     rider = cyclist(3.0, CADENCE_RPM)
-    done = solved(rider, Sight(), replace(bicycle(), attachments=never), settings=SmootherSettings(output_delay=delay))
+    done = solved(rider, Sight(), replace(bicycle(), attachments=never), settings=EstimatorSettings(output_delay=delay))
     assert not any(report.placed for report in done.reports)
-    without = solved(rider, Sight(), settings=SmootherSettings(output_delay=delay))
+    without = solved(rider, Sight(), settings=EstimatorSettings(output_delay=delay))
     np.testing.assert_allclose(done.poses, without.poses, rtol=0.0, atol=1e-4)

@@ -15,10 +15,10 @@ from scipy.stats import chi2
 
 from bodycam_ros.body_state import BodyState
 from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.estimator_settings import OFFLINE, EstimatorSettings
 from bodycam_ros.estimation.factors.camera_poses import KERNEL
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, evidence_floor
-from bodycam_ros.estimation.smoother_settings import OFFLINE, SmootherSettings
 from bodycam_ros.estimation.uncertainty import _BODY
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_se3, log_so3
 
@@ -44,7 +44,7 @@ def solve(
     world_T_segment: Array, stated: Array, noise: Array, delay: int | str, seed: int = 0
 ) -> tuple[list[BodyState], BodyEstimator]:
     """All states of a motion (T, S, 4, 4), and their estimator."""
-    settings = SmootherSettings(output_delay=delay)
+    settings = EstimatorSettings(output_delay=delay)
     estimator = BodyEstimator(BODY, list(BODY.mounts), settings, offline=delay == OFFLINE)
     states: list[BodyState] = []
     for frame in measured_frames(BODY, world_T_segment, stated, noise, np.random.default_rng(seed)):
@@ -116,7 +116,7 @@ def test_the_marginals_of_a_window_are_exact(motions: list[Array]) -> None:
     """All coordinates of states that later frames have changed: root, ball and hinge at once."""
     squares = []
     for seed, true in enumerate(motions):
-        estimator = BodyEstimator(BODY, list(BODY.mounts), SmootherSettings(output_delay=FRAMES))
+        estimator = BodyEstimator(BODY, list(BODY.mounts), EstimatorSettings(output_delay=FRAMES))
         for frame in measured_frames(BODY, true, STATED, NOISE, np.random.default_rng(seed)):
             assert estimator.update(frame) == []
         for number in JUDGED:

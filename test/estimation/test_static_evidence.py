@@ -1,4 +1,4 @@
-"""Static cameras that say exactly where segments are, beside worn ones and alone, in the solver and by themselves."""
+"""Static cameras that measure segments exactly, beside body cameras and alone, in the solver and by themselves."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -11,13 +11,13 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState, SegmentPose
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.smoother_settings import OFFLINE, SmootherSettings
+from bodycam_ros.estimation.estimator_settings import OFFLINE, EstimatorSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_so3, log_so3
 
 FRAMES = 40
 SURE = np.diag(np.repeat([0.003, 0.003], 3) ** 2)
-DELAYED = SmootherSettings()
+DELAYED = EstimatorSettings()
 ARM = ("upper_arm", "forearm")
 
 
@@ -30,7 +30,7 @@ class ExactCameras:
         sees: segments that the one camera, ``door``, sees.
         places: segments that somebody placed by hand in the first image.
         spun_rad: how far evidence is turned about the z axis of what it sees, which it says it does not know.
-        asked: for each image what was expected, the seconds before it, and the segments that worn cameras know.
+        asked: for each image what was expected, the seconds before it, and the segments that body cameras know.
     """
 
     body: BodyModel
@@ -67,25 +67,30 @@ def body() -> BodyModel:
     return body_with_cameras()
 
 
-def frame_at(body: BodyModel, number: int, worn: Collection[str], looks: bool, rng: np.random.Generator) -> BodyFrame:
+def frame_at(
+    body: BodyModel, number: int, body_cameras: Collection[str], looks: bool, rng: np.random.Generator
+) -> BodyFrame:
     stamp_ns = (number + 1) * STEP_NS
-    matches = {camera: seen_by(body, camera, number, rng) for camera in worn}
+    matches = {camera: seen_by(body, camera, number, rng) for camera in body_cameras}
     return BodyFrame(stamp_ns, matches, {"door": CameraImage("door", stamp_ns, b"")} if looks else {})
 
 
 def solved(
     body: BodyModel,
-    worn: Collection[str],
+    body_cameras: Collection[str],
     static_cameras: ExactCameras | None,
     looks: bool = True,
-    settings: SmootherSettings = DELAYED,
+    settings: EstimatorSettings = DELAYED,
 ) -> dict[int, BodyState]:
     """States by frame number."""
-    rng, smoother = np.random.default_rng(0), BodyEstimator(body, lenses(body), settings, static_cameras=static_cameras)
+    rng, estimator = (
+        np.random.default_rng(0),
+        BodyEstimator(body, lenses(body), settings, static_cameras=static_cameras),
+    )
     states: list[BodyState] = []
     for number in range(FRAMES):
-        states += smoother.update(frame_at(body, number, worn, looks, rng))
-    return {state.stamp_ns // STEP_NS - 1: state for state in states + smoother.flush()}
+        states += estimator.update(frame_at(body, number, body_cameras, looks, rng))
+    return {state.stamp_ns // STEP_NS - 1: state for state in states + estimator.flush()}
 
 
 def test_limbs_without_a_worn_camera_come_out_where_static_ones_have_them(body: BodyModel) -> None:
@@ -104,10 +109,10 @@ def test_limbs_without_a_worn_camera_come_out_where_static_ones_have_them(body: 
 
 @pytest.mark.parametrize(
     ("settings", "most_deg"),
-    [(DELAYED, 6.0), (SmootherSettings(output_delay=OFFLINE), 2.0)],
+    [(DELAYED, 6.0), (EstimatorSettings(output_delay=OFFLINE), 2.0)],
     ids=["delayed", "offline"],
 )
-def test_joints_tell_what_no_contour_does(body: BodyModel, settings: SmootherSettings, most_deg: float) -> None:
+def test_joints_tell_what_no_contour_does(body: BodyModel, settings: EstimatorSettings, most_deg: float) -> None:
     """How a limb is turned about its long axis, also where the recording is solved as a whole."""
     states = solved(body, ("chest", "back"), ExactCameras(body, ("upper_arm",), spun_rad=0.5), settings=settings)
     of = body.segment_index["upper_arm"]
@@ -135,8 +140,8 @@ def test_without_a_start_static_cameras_alone_say_nothing(body: BodyModel) -> No
 
 def test_without_images_the_states_are_those_without_static_cameras(body: BodyModel) -> None:
     """To the last bit: who has no static cameras gets what they got before there were any."""
-    worn, static_cameras = ("chest", "arm"), ExactCameras(body, ARM, places=ARM)
-    before, states = solved(body, worn, None), solved(body, worn, static_cameras, looks=False)
+    body_cameras, static_cameras = ("chest", "arm"), ExactCameras(body, ARM, places=ARM)
+    before, states = solved(body, body_cameras, None), solved(body, body_cameras, static_cameras, looks=False)
     assert not static_cameras.asked and list(states) == list(before)
     for number, state in states.items():
         np.testing.assert_array_equal(state.world_T_segment, before[number].world_T_segment)

@@ -1,4 +1,4 @@
-"""What cameras, rates and settings must not do to the solver, on the synthetic body of ``test_body_smoother``."""
+"""What cameras, rates and settings must not do to the solver, on the synthetic body of ``test_body_estimator``."""
 
 import dataclasses
 from dataclasses import replace
@@ -9,10 +9,10 @@ from helpers.moving_body import STEP_NS, body_with_cameras, frame_after, lenses,
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame, BodyState
-from bodycam_ros.estimation import estimator
+from bodycam_ros.estimation import estimator as estimator_module
 from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.motion_settings import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, log_so3, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -20,9 +20,9 @@ from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 
 
-def solve(smoother: BodyEstimator, frames: list[BodyFrame]) -> list[BodyState]:
-    states = [state for frame in frames for state in smoother.update(frame)]
-    return states + smoother.flush()
+def solve(estimator: BodyEstimator, frames: list[BodyFrame]) -> list[BodyState]:
+    states = [state for frame in frames for state in estimator.update(frame)]
+    return states + estimator.flush()
 
 
 def seen_frames(body: BodyModel, numbers: range, cameras: set[str]) -> list[BodyFrame]:
@@ -39,8 +39,8 @@ def seen_frames(body: BodyModel, numbers: range, cameras: set[str]) -> list[Body
 def test_no_rate_and_no_missing_camera_ends_it(every: int, cameras: set[str]) -> None:
     body = body_with_cameras()
     frames = seen_frames(body, range(0, 90, every), cameras)
-    smoother = BodyEstimator(body, lenses(body))
-    states = solve(smoother, frames)
+    estimator = BodyEstimator(body, lenses(body))
+    states = solve(estimator, frames)
     assert [state.stamp_ns for state in states] == [frame.stamp_ns for frame in frames]
     assert np.isfinite([state.world_T_segment for state in states]).all()
     on_body = {body.mounts[camera].segment for camera in cameras}
@@ -71,9 +71,9 @@ def test_a_registration_in_another_country_is_rejected(cameras: set[str]) -> Non
             assert pose is not None
             matches[camera] = dataclasses.replace(matches[camera], world_T_camera=away @ pose)
         frames.append(BodyFrame((number + 1) * STEP_NS, matches))
-    smoother = BodyEstimator(body, lenses(body))
-    states = solve(smoother, frames)
-    assert smoother.counts.rejected == dict.fromkeys(cameras, 3)
+    estimator = BodyEstimator(body, lenses(body))
+    states = solve(estimator, frames)
+    assert estimator.counts.rejected == dict.fromkeys(cameras, 3)
     assert position_errors(body, dict(enumerate(states))).max() < 0.1
 
 
@@ -82,13 +82,13 @@ def test_a_body_that_no_camera_sees_does_not_make_the_window_grow(
     monkeypatch: pytest.MonkeyPatch, offline: bool
 ) -> None:
     """All states waited for it, and every one took longer than the one before."""
-    monkeypatch.setattr(estimator, "_BLIND_WAIT_S", 1.0)
+    monkeypatch.setattr(estimator_module, "_BLIND_WAIT_S", 1.0)
     body, rng = body_with_cameras(), np.random.default_rng(0)
-    smoother = BodyEstimator(body, lenses(body), offline=offline)
+    estimator = BodyEstimator(body, lenses(body), offline=offline)
     published = list[int]()
     for number in range(120):
         matches = {camera: seen_by(body, camera, number, rng, lost=number >= 30) for camera in body.mounts}
-        published += [state.stamp_ns for state in smoother.update(BodyFrame((number + 1) * STEP_NS, matches))]
+        published += [state.stamp_ns for state in estimator.update(BodyFrame((number + 1) * STEP_NS, matches))]
     assert published == [(number + 1) * STEP_NS for number in range(89)]
 
 
@@ -102,9 +102,9 @@ def test_registrations_that_are_noise_are_survived(camera: str) -> None:
         pose = matches[camera].world_T_camera @ exp_se3(rng.normal(0.0, 1.0, 6))
         matches[camera] = dataclasses.replace(matches[camera], world_T_camera=pose)
         frames.append(BodyFrame(frame.stamp_ns, matches))
-    smoother = BodyEstimator(body, lenses(body))
-    states = solve(smoother, frames)
-    counts = smoother.counts.rejected
+    estimator = BodyEstimator(body, lenses(body))
+    states = solve(estimator, frames)
+    counts = estimator.counts.rejected
     assert counts[camera] > 50 and sum(counts.values()) < 70
     by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states}
     chest = position_errors(body, by_frame)[:, 0]
@@ -121,7 +121,7 @@ def test_the_covariance_grows_while_nothing_is_seen_and_shrinks_again() -> None:
         else dataclasses.replace(frame, matches={c: _lost(m) for c, m in frame.matches.items()})
         for number, frame in enumerate(frames)
     ]
-    states = solve(BodyEstimator(body, lenses(body), SmootherSettings(output_delay=0)), blind)
+    states = solve(BodyEstimator(body, lenses(body), EstimatorSettings(output_delay=0)), blind)
     root = [float(np.sqrt(np.trace(state.uncertainty.root[3:, 3:]))) for state in states]
     joints = [float(np.sqrt(np.trace(state.uncertainty.joints[0]))) for state in states]
     twist = [float(np.trace(state.uncertainty.root_twist)) for state in states]

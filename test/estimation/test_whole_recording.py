@@ -7,12 +7,12 @@ from helpers.moving_body import STEP_NS, body_with_cameras, lenses, position_err
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.estimation import estimator
+from bodycam_ros.estimation import estimator as estimator_module
 from bodycam_ros.estimation.estimator import BodyEstimator
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.geometry import log_so3
 
-OFFLINE = SmootherSettings(output_delay="offline")
+OFFLINE = EstimatorSettings(output_delay="offline")
 BLOCK_S, OVERLAP_S = 1.0, 0.5
 FRAMES = 120
 
@@ -30,20 +30,20 @@ def cameras(body: BodyModel) -> dict[str, CameraModel]:
 def run(
     body: BodyModel,
     cameras: dict[str, CameraModel],
-    settings: SmootherSettings,
+    settings: EstimatorSettings,
     lost=lambda camera, frame: False,
     gone=lambda frame: False,
     heard=lambda share: None,
 ) -> dict[int, BodyState]:
     """All states of a run, by frame number."""
     rng = np.random.default_rng(3)
-    smoother = BodyEstimator(body, cameras, settings, offline=True, on_progress=heard)
+    estimator = BodyEstimator(body, cameras, settings, offline=True, on_progress=heard)
     states: list[BodyState] = []
     for frame in range(FRAMES):
         matches = {c: seen_by(body, c, frame, rng, lost(c, frame)) for c in body.mounts}
         if not gone(frame):
-            states += smoother.update(BodyFrame((frame + 1) * STEP_NS, matches))
-    states += smoother.flush()
+            states += estimator.update(BodyFrame((frame + 1) * STEP_NS, matches))
+    states += estimator.flush()
     stamps_ns = [state.stamp_ns for state in states]
     assert stamps_ns == sorted(set(stamps_ns))
     return {round(state.stamp_ns / STEP_NS) - 1: state for state in states}
@@ -57,8 +57,8 @@ def turned_wrong(body: BodyModel, states: dict[int, BodyState], row: int, frames
 
 
 def test_knows_more_than_what_came_before(body, cameras) -> None:
-    at_once = run(body, cameras, SmootherSettings(output_delay=0))
-    later = run(body, cameras, SmootherSettings(output_delay=4))
+    at_once = run(body, cameras, EstimatorSettings(output_delay=0))
+    later = run(body, cameras, EstimatorSettings(output_delay=4))
     whole = run(body, cameras, OFFLINE)
     assert list(whole) == list(at_once) == list(range(FRAMES))
     filtered, delayed, smoothed = (position_errors(body, states).mean() for states in (at_once, later, whole))
@@ -68,23 +68,23 @@ def test_knows_more_than_what_came_before(body, cameras) -> None:
 
 @pytest.fixture
 def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(estimator, "_BLOCK_S", BLOCK_S)
-    monkeypatch.setattr(estimator, "_OVERLAP_S", OVERLAP_S)
+    monkeypatch.setattr(estimator_module, "_BLOCK_S", BLOCK_S)
+    monkeypatch.setattr(estimator_module, "_OVERLAP_S", OVERLAP_S)
 
 
 def test_blocks_are_the_whole(body, cameras, monkeypatch) -> None:
     """Published one after the other, and not kept until the recording is over."""
     whole = run(body, cameras, OFFLINE)
-    monkeypatch.setattr(estimator, "_BLOCK_S", BLOCK_S)
-    monkeypatch.setattr(estimator, "_OVERLAP_S", OVERLAP_S)
+    monkeypatch.setattr(estimator_module, "_BLOCK_S", BLOCK_S)
+    monkeypatch.setattr(estimator_module, "_OVERLAP_S", OVERLAP_S)
     blocks = run(body, cameras, OFFLINE)
     gaps = np.array([np.abs(whole[f].world_T_segment - blocks[f].world_T_segment).max() for f in range(FRAMES)])
     scatter = position_errors(body, whole).mean()
     assert gaps.max() < 0.05 * scatter
-    smoother = BodyEstimator(body, cameras, OFFLINE, offline=True)
+    estimator = BodyEstimator(body, cameras, OFFLINE, offline=True)
     rng = np.random.default_rng(3)
     frames = (BodyFrame((f + 1) * STEP_NS, {c: seen_by(body, c, f, rng) for c in body.mounts}) for f in range(FRAMES))
-    waiting = np.cumsum([1 - len(smoother.update(frame)) for frame in frames])
+    waiting = np.cumsum([1 - len(estimator.update(frame)) for frame in frames])
     assert waiting.max() < 1.1 * 30 * (BLOCK_S + 2 * OVERLAP_S) and waiting.min() < 40
 
 
@@ -113,8 +113,8 @@ def test_a_blind_limb_is_held_from_both_sides(body, cameras, monkeypatch) -> Non
         return camera == "wrist" and 30 <= frame < 90
 
     whole = run(body, cameras, OFFLINE, lost=lost)
-    monkeypatch.setattr(estimator, "_BLIND_WAIT_S", 0.0)
-    forward = run(body, cameras, SmootherSettings(), lost=lost)
+    monkeypatch.setattr(estimator_module, "_BLIND_WAIT_S", 0.0)
+    forward = run(body, cameras, EstimatorSettings(), lost=lost)
     row, blind = body.segment_index["forearm"], range(30, 90)
     smoothed = turned_wrong(body, whole, row, blind)
     assert smoothed.mean() < turned_wrong(body, forward, row, blind).mean()

@@ -15,6 +15,7 @@ from bodycam_ros.estimation import state_solution, whole_recording
 from bodycam_ros.estimation import window as window_module
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
 from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
 from bodycam_ros.estimation.factors.factor import on_state, on_step, state_key
 from bodycam_ros.estimation.factors.inertial_step import InertialStep
@@ -24,7 +25,6 @@ from bodycam_ros.estimation.factors.resting_point import RestingPoint
 from bodycam_ros.estimation.factors.segment_steps import SegmentSteps
 from bodycam_ros.estimation.factors.segment_turn import SegmentTurn
 from bodycam_ros.estimation.motion_settings import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.estimation.solved_state import Measurements
 from bodycam_ros.estimation.state_factors import StateFactors
 from bodycam_ros.estimation.state_link import Initial, StateLink
@@ -147,7 +147,7 @@ def test_a_window_keeps_what_left_it_in_its_marginal(graph: Graph) -> None:
 
 
 def states_of(frames: list[BodyFrame], body: BodyModel, **settings: int | str) -> tuple[list[BodyState], BodyEstimator]:
-    estimator = BodyEstimator(body, lenses(body), SmootherSettings(**settings))
+    estimator = BodyEstimator(body, lenses(body), EstimatorSettings(**settings))
     states = [state for frame in frames for state in estimator.update(frame)]
     return states + estimator.flush(), estimator
 
@@ -174,7 +174,7 @@ def test_where_gtsam_fails_a_new_window_goes_on(monkeypatch: pytest.MonkeyPatch,
 
     monkeypatch.setattr(Window, "add", failing)
     states, estimator = states_of(seen_frames(body, 40), body, output_delay=delay)
-    assert estimator.counts.restarted == 1 and "begun anew" in estimator.counts.remarks()[0]
+    assert estimator.counts.restarted == 1 and "restarted" in estimator.counts.remarks()[0]
     by_frame = {state.stamp_ns // STEP_NS - 1: state for state in states}
     assert list(by_frame) == list(range(40))
     assert position_errors(body, by_frame).max() < 0.012

@@ -11,21 +11,21 @@ from helpers.naming import naming
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.cli.main import main
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.formats.calibration_files import toml_text
-from bodycam_ros.formats.stations_file import read_stations, write_stations
+from bodycam_ros.formats.static_cameras_file import read_static_cameras, write_static_cameras
 from bodycam_ros.geometry import exp_se3, inverse, log_so3
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 K = [900.0, 0.0, 530.5, 0.0, 905.0, 961.25, 0.0, 0.0, 1.0]
 D = [-0.03, 0.01, 0.001, -0.002, 0.0]
 STATIONS = {
-    name: Station(name, exp_se3(np.array(xi)), camera_from_info(name, 1088, 1920, "plumb_bob", D, K))
+    name: StaticCamera(name, exp_se3(np.array(xi)), camera_from_info(name, 1088, 1920, "plumb_bob", D, K))
     for name, xi in {"cam01": [0.3, -1.2, 0.8, 2.5, -0.1, 1.25], "cam02": [1.1, 0.4, -0.3, -3.0, 2.0, 1.5]}.items()
 }
 
 
-def assert_same(found: dict[str, Station]) -> None:
+def assert_same(found: dict[str, StaticCamera]) -> None:
     assert list(found) == list(STATIONS)
     for name, station in STATIONS.items():
         np.testing.assert_allclose(found[name].world_T_camera, station.world_T_camera, atol=1e-6)
@@ -47,13 +47,13 @@ def test_toml_is_read_in_the_unit_that_its_cameras_are_apart_by(tmp_path: Path, 
         ]  # fmt: skip
     path = tmp_path / "Calib.toml"
     path.write_text("\n".join([*lines, "[metadata]", "adjusted = false"]))
-    assert_same(read_stations(path))
+    assert_same(read_static_cameras(path))
 
 
 def test_toml_that_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "cameras.toml"
     path.write_text(toml_text(STATIONS.values()))
-    assert_same(read_stations(path))
+    assert_same(read_static_cameras(path))
 
 
 def test_cameras_of_two_tables_may_have_the_same_key(tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ def test_cameras_of_two_tables_may_have_the_same_key(tmp_path: Path) -> None:
         text = text.replace(header, key)
     path = tmp_path / "cameras.toml"
     path.write_text(text)
-    assert_same(read_stations(path))
+    assert_same(read_static_cameras(path))
 
 
 def test_qualisys_has_64ths_of_a_pixel_millimetres_and_a_camera_that_looks_backwards(tmp_path: Path) -> None:
@@ -80,7 +80,7 @@ def test_qualisys_has_64ths_of_a_pixel_millimetres_and_a_camera_that_looks_backw
         )
     path = tmp_path / "Calib.qca.txt"
     path.write_text(f"<calibration><cameras>{''.join(cameras)}</cameras></calibration>")
-    assert_same(read_stations(path))
+    assert_same(read_static_cameras(path))
 
 
 def test_opencv_yaml_may_be_two_files(tmp_path: Path) -> None:
@@ -97,15 +97,15 @@ def test_opencv_yaml_may_be_two_files(tmp_path: Path) -> None:
                 storage.write(f"R_{name}", log_so3(camera_T_world[:3, :3]).reshape(3, 1))
                 storage.write(f"T_{name}", camera_T_world[:3, 3:].copy())
         storage.release()
-    assert_same(read_stations(tmp_path / "extri.yml"))
+    assert_same(read_static_cameras(tmp_path / "extri.yml"))
 
 
 def test_the_command_converts_in_both_directions(tmp_path: Path) -> None:
-    write_stations(tmp_path / "cameras.yaml", STATIONS.values())
+    write_static_cameras(tmp_path / "cameras.yaml", STATIONS.values())
     there, back = tmp_path / "there.toml", tmp_path / "back.yaml"
     assert main(["stations", str(tmp_path / "cameras.yaml"), "--to", "toml", "-o", str(there)]) == 0
     assert main(["stations", str(there), "-o", str(back)]) == 0
-    assert_same(read_stations(back))
+    assert_same(read_static_cameras(back))
 
 
 KALIBR = """{head}cam0:
@@ -229,5 +229,5 @@ def test_a_size_that_lacks_is_that_of_the_images_beside_the_file(tmp_path: Path,
 def test_what_is_wrong_is_named(tmp_path: Path, name: str, text: str, named: tuple[str, ...]) -> None:
     path = tmp_path / name
     path.write_text(text)
-    with naming(StationError, path, *named):
-        read_stations(path)
+    with naming(StaticCameraError, path, *named):
+        read_static_cameras(path)

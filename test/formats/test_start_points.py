@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.naming import naming
-from static_cameras.dressed_body import stations_around
+from static_cameras.dressed_body import static_cameras_around
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
@@ -39,7 +39,7 @@ def points_of(body: BodyModel, poses: Array, style: int) -> dict[str, Array]:
 @pytest.mark.parametrize("unit", [1.0, 0.001])
 @pytest.mark.parametrize("quarter", [0, 1])
 def test_a_standing_body_is_found(body: BodyModel, style: int, unit: float, quarter: int) -> None:
-    stations = stations_around(4)
+    stations = static_cameras_around(4)
     true = body.n_pose(rigid(exp_so3(np.array([0.0, 0.0, 0.7])), np.array([0.3, -0.2, 0.95])))
     turn = exp_so3(np.array([0.0, 0.0, quarter * np.pi / 2.0]))
     points = {name: row @ turn / unit for name, row in points_of(body, true, style).items()}
@@ -60,7 +60,7 @@ def test_points_of_the_trunk_and_markers(body: BodyModel, name: str, segment: st
     points = {each: rows for each, rows in points_of(body, poses, 0).items() if "Hip" in each or "Knee" in each}
     place = poses[body.segment_index[segment or "head"], :3, 3]
     points = {each: rows for each, rows in points.items() if "study" not in each} | {name: place[None]}
-    stations = stations_around(2).values()
+    stations = static_cameras_around(2).values()
     if segment:
         place_points(Path("p.trc"), points, body, stations)
     else:
@@ -80,4 +80,4 @@ def test_csv_has_a_column_for_each_axis(tmp_path: Path) -> None:
 
 def test_points_that_are_no_joints_are_refused_with_their_names(body: BodyModel) -> None:
     with naming(BodyError, "p.trc", "Toe"):
-        place_points(Path("p.trc"), {"Toe": np.zeros((1, 3))}, body, stations_around(2).values())
+        place_points(Path("p.trc"), {"Toe": np.zeros((1, 3))}, body, static_cameras_around(2).values())

@@ -10,12 +10,12 @@ import yaml
 from helpers.live_graph import live_graph
 from helpers.naming import names, naming
 from helpers.two_cameras import write_body
-from static_cameras.dressed_body import stations_around
+from static_cameras.dressed_body import static_cameras_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_file import write_body as write_body_file
-from bodycam_ros.errors import BodycamError, BodyError, StationError
-from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.errors import BodycamError, BodyError, StaticCameraError
+from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.graph.declared_graph import USER_ERROR, GraphArguments, GraphNode, from_command_line, graph
 
 
@@ -49,11 +49,11 @@ def test_cameras_of_the_equipment_are_tracked(tmp_path: Path) -> None:
 def test_static_cameras_around_a_body_that_wears_none_may_have_a_map(tmp_path: Path) -> None:
     body, stations = write_body(tmp_path / "body.yaml"), tmp_path / "cameras.yaml"
     write_body_file(replace(read_body(body), mounts={}), body)
-    write_stations(stations, stations_around(1).values())
+    write_static_cameras(stations, static_cameras_around(1).values())
     nodes = live_graph(tmp_path / "map", body, stations=str(stations), start=str(tmp_path / "start.yaml"))
     assert [node.executable for node in nodes] == ["skeleton_solver"]
     assert nodes[0].parameters["map"] == str(tmp_path / "map")
-    assert nodes[0].parameters["worn"] is False
+    assert nodes[0].parameters["body_cameras"] is False
 
 
 def test_a_rig_instead_of_a_body(tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def test_wrong_arguments_are_refused(tmp_path: Path, given: dict[str, str], name
 def test_a_file_that_is_no_table_of_static_cameras_is_refused(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
     given = {"body": str(write_body(tmp_path / "body.yaml")), "stations": str(tmp_path / name), "start": "start.yaml"}
-    with naming(StationError, tmp_path / name, "bodycam stations"):
+    with naming(StaticCameraError, tmp_path / name, "bodycam stations"):
         graph(GraphArguments.from_texts(given))
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from helpers.known_keyframes import descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+from helpers.known_keyframes import body_camera, descriptors_of, place, small_map, tracks, unknown_points
 from helpers.naming import names, naming
 
 from bodycam_ros.errors import BodycamError
@@ -18,7 +18,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-CAMERA = worn_camera()
+CAMERA = body_camera()
 UNKNOWN = unknown_points(100)
 
 
@@ -28,8 +28,8 @@ class Live:
     def __init__(self, **settings: object) -> None:
         self.tasks: list[Callable[[], object]] = []
         self.asked: list[str] = []
-        given = replace(GrowthSettings(capacity=200), **settings)
-        self.growth = LiveMapper(small_map(), given, self.asked.append, self.tasks.append)
+        given = replace(ExtensionSettings(capacity=200), **settings)
+        self.mapper = LiveMapper(small_map(), given, self.asked.append, self.tasks.append)
         self.begin()
 
     def begin(self) -> None:
@@ -38,7 +38,7 @@ class Live:
 
     def see(self, frame: TrackFrame) -> LandmarkMatches:
         matches = self.registrar.register(frame)
-        self.growth.add_image(frame, matches)
+        self.mapper.add_image(frame, matches)
         return matches
 
     def work(self) -> None:
@@ -62,7 +62,7 @@ def test_a_camera_is_registered_by_what_has_grown_alone() -> None:
     for number in range(5):
         assert live.see(all_tracks(number)).world_T_camera is not None
         live.work()
-    assert live.growth.landmarks > 90 and live.growth.keyframes == 5
+    assert live.mapper.landmarks > 90 and live.mapper.keyframes == 5
     live.begin()
     matches = live.see(unknown_tracks(6, first=6))
     assert matches.world_T_camera is not None and matches.grown == len(matches.landmark_ids) > 50
@@ -73,44 +73,44 @@ def test_a_map_whose_last_writing_failed_is_written_again(tmp_path: Path) -> Non
     """A managed node whose cleanup fails stays inactive: its user makes room, and cleans up again."""
     live, folder = Live(), tmp_path / "grown"
     small_map().save(tmp_path / "map")
-    live.growth.keep_in(folder, tmp_path / "map")
+    live.mapper.keep_in(folder, tmp_path / "map")
     for number in range(5):
         live.see(all_tracks(number))
         live.work()
     folder.mkdir()
     (folder / "thesis.txt").write_text("precious")
     with naming(BodycamError, "thesis.txt"):
-        live.growth.close()
-    live.growth.poll(0.0)  # its timer goes on
+        live.mapper.close()
+    live.mapper.poll(0.0)  # its timer goes on
     (folder / "thesis.txt").unlink()
-    live.growth.close()
-    assert ReferenceMap.load(folder).grown == live.growth.landmarks
+    live.mapper.close()
+    assert ReferenceMap.load(folder).grown == live.mapper.landmarks
 
 
 def test_a_map_that_may_not_grow_asks_for_nothing() -> None:
     live = Live(enabled=False)
     for number in range(5):
         live.see(all_tracks(number))
-    assert not live.asked and not live.tasks and live.growth.landmarks == 0
+    assert not live.asked and not live.tasks and live.mapper.landmarks == 0
 
 
 def grown(folder: Path, base: Path) -> LiveMapper:
     """A map that has grown and was written."""
     live = Live()
     small_map().save(base)
-    live.growth.keep_in(folder, base)
+    live.mapper.keep_in(folder, base)
     for number in range(5):
         live.see(all_tracks(number))
         live.work()
-    live.growth.close()
-    return live.growth
+    live.mapper.close()
+    return live.mapper
 
 
 def test_after_a_restart_it_goes_on_with_what_had_grown(tmp_path: Path) -> None:
     before = grown(tmp_path / "grown", tmp_path / "map")
     again = Live()
-    again.growth.keep_in(tmp_path / "grown", tmp_path / "map")
-    assert again.growth.landmarks == before.landmarks > 90
+    again.mapper.keep_in(tmp_path / "grown", tmp_path / "map")
+    assert again.mapper.landmarks == before.landmarks > 90
     again.begin()
     matches = again.see(unknown_tracks(6, first=6))
     assert matches.world_T_camera is not None
@@ -120,7 +120,7 @@ def test_after_a_restart_it_goes_on_with_what_had_grown(tmp_path: Path) -> None:
 def test_landmarks_without_room_are_counted(tmp_path: Path) -> None:
     before = grown(tmp_path / "grown", tmp_path / "map")
     reasons: list[str] = []
-    small = LiveMapper(small_map(), GrowthSettings(capacity=50), print, print, reasons.append)
+    small = LiveMapper(small_map(), ExtensionSettings(capacity=50), print, print, reasons.append)
     small.keep_in(tmp_path / "grown", tmp_path / "map")
     assert small.landmarks == 50
     (reason,) = reasons
@@ -130,30 +130,30 @@ def test_landmarks_without_room_are_counted(tmp_path: Path) -> None:
 def test_what_has_grown_from_another_map_is_refused_and_kept(tmp_path: Path) -> None:
     grown(tmp_path / "grown", tmp_path / "map")
     content = {path.name: path.read_bytes() for path in (tmp_path / "grown").iterdir()}
-    other = LiveMapper(small_map(seed=2), GrowthSettings(), print, print)
+    other = LiveMapper(small_map(seed=2), ExtensionSettings(), print, print)
     with naming(BodycamError, tmp_path / "grown"):
         other.keep_in(tmp_path / "grown", tmp_path / "map")
     with naming(BodycamError, tmp_path / "map"):
-        Live().growth.keep_in(tmp_path / "map", tmp_path / "map")
+        Live().mapper.keep_in(tmp_path / "map", tmp_path / "map")
     assert {path.name: path.read_bytes() for path in (tmp_path / "grown").iterdir()} == content
 
 
 def test_a_map_is_written_when_it_is_due_and_only_if_it_changed(tmp_path: Path) -> None:
     live, folder = Live(), tmp_path / "grown"
     small_map().save(tmp_path / "map")
-    live.growth.keep_in(folder, tmp_path / "map")
-    live.growth.poll(0.0)
-    assert live.growth._writing is None, "nothing has grown yet"
+    live.mapper.keep_in(folder, tmp_path / "map")
+    live.mapper.poll(0.0)
+    assert live.mapper._writing is None, "nothing has grown yet"
     for number in range(5):
         live.see(all_tracks(number))
         live.work()
-    live.growth.poll(3600.0)
-    assert live.growth._writing is None, "it is not due"
-    live.growth.poll(0.0)
-    writing = live.growth._writing
+    live.mapper.poll(3600.0)
+    assert live.mapper._writing is None, "it is not due"
+    live.mapper.poll(0.0)
+    writing = live.mapper._writing
     assert writing is not None
     writing.result(timeout=60.0)
-    assert ReferenceMap.load(folder).grown == live.growth.landmarks
-    assert live.growth.report().values["changes not saved"] == 0
-    live.growth.poll(0.0)
-    assert live.growth._writing is None, "it is as it was written"
+    assert ReferenceMap.load(folder).grown == live.mapper.landmarks
+    assert live.mapper.report().values["changes not saved"] == 0
+    live.mapper.poll(0.0)
+    assert live.mapper._writing is None, "it is as it was written"

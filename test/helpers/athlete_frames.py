@@ -14,8 +14,8 @@ from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.estimation.attachments import CouplingSettings
 from bodycam_ros.estimation.coupling import Coupling
 from bodycam_ros.estimation.estimator import BodyEstimator
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.motion_settings import MotionSettings
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
 from bodycam_ros.geometry import exp_se3, exp_so3, inverse
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from helpers.athletes import AIRBORNE_S, BODY, RATE_HZ, Athlete, binding
@@ -155,15 +155,15 @@ def solved(
     sight: Sight,
     equipment: Equipment | None = None,
     seed: int = 0,
-    settings: SmootherSettings | None = None,
+    settings: EstimatorSettings | None = None,
     live: bool = False,
 ) -> Solved:
     """Solve the frames, with equipment as it is described, or without."""
     body = coupled_body(athlete.body, equipment)
     coupling = Coupling(body, equipment, CouplingSettings(), MotionSettings()) if equipment else None
-    smoother = BodyEstimator(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
-    states = [state for frame in frames(athlete, sight, seed) for state in smoother.update(frame)]
-    states += smoother.flush()
+    estimator = BodyEstimator(body, lenses(athlete.body), settings, offline=not live, coupling=coupling)
+    states = [state for frame in frames(athlete, sight, seed) for state in estimator.update(frame)]
+    states += estimator.flush()
     assert [state.stamp_ns for state in states] == [stamp_ns(instant) for instant in range(len(athlete.times))]
     poses = np.stack([state.world_T_segment for state in states])
     count = len(athlete.body.segments)

@@ -1,4 +1,4 @@
-"""A room of points on walls, and worn cameras that walk in it: what they see of it is known exactly."""
+"""A room of points on walls, and body cameras that walk in it: what they see of it is known exactly."""
 
 from collections.abc import Iterator
 from dataclasses import replace

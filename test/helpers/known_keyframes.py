@@ -1,4 +1,4 @@
-"""A small map with photographs, and what a worn camera sees of it and of points that the map does not know."""
+"""A small map with photographs, and what a body camera sees of it and of points that the map does not know."""
 
 import cv2
 import numpy as np
@@ -17,7 +17,7 @@ FRAME_NS = 400_000_000
 SIZE_M = 0.02
 
 
-def worn_camera(name: str = "hand") -> CameraModel:
+def body_camera(name: str = "hand") -> CameraModel:
     return camera_from_info(name, 640, 480, "equidistant", [0.0] * 4, K)
 
 

@@ -6,10 +6,10 @@ from helpers.naming import naming
 
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.ingest.ingest_camera import read_lens
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 
 def touch(folder: Path, *names: str) -> list[Path]:
@@ -93,7 +93,7 @@ def test_a_file_of_static_cameras_has_their_lenses(tmp_path: Path, form: str) ->
     k = [1681.0, 0, 533, 0, 1682.0, 948, 0, 0, 1]
     lens = camera_from_info("cam01", 1088, 1920, "plumb_bob", [0.1, 0.0, 0.0, 0.0, 0.0], k)
     calibration = tmp_path / f"cameras.{form}"
-    write_stations(calibration, [Station("cam01", np.eye(4), lens)], form)
+    write_static_cameras(calibration, [StaticCamera("cam01", np.eye(4), lens)], form)
     (video,) = touch(tmp_path, "cam01.mp4")
     read, readout_s, path = read_lens(CameraFiles("cam01", (video,)), calibration)
     assert (read.width, read.height, path, readout_s) == (1088, 1920, calibration, None)

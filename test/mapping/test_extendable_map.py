@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from helpers.known_keyframes import LANDMARKS, keyframes, small_map, unknown_points, worn_camera
+from helpers.known_keyframes import LANDMARKS, body_camera, keyframes, small_map, unknown_points
 from helpers.naming import naming
 
 from bodycam_ros.errors import MapError
@@ -14,15 +14,15 @@ from bodycam_ros.mapping.local_mapper import LocalMapper
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import NO_LANDMARK
 
-CAMERA = worn_camera()
+CAMERA = body_camera()
 
 
 def grown(reference_map: ReferenceMap, seen: Sequence[BodyKeyframe]) -> LocalMapper:
-    growth = LocalMapper(make_extendable(reference_map, 100))
+    mapper = LocalMapper(make_extendable(reference_map, 100))
     for keyframe in seen:
-        growth.add_keyframe(keyframe)
-    growth.take_changes()
-    return growth
+        mapper.add_keyframe(keyframe)
+    mapper.take_changes()
+    return mapper
 
 
 def in_slots(growing_map: ExtendableMap) -> dict[bytes, np.ndarray]:
@@ -34,25 +34,25 @@ def in_slots(growing_map: ExtendableMap) -> dict[bytes, np.ndarray]:
 
 def test_grows_is_saved_and_is_there_again(tmp_path: Path) -> None:
     reference_map, points = small_map(), unknown_points()
-    growth = grown(reference_map, keyframes(CAMERA, points))
-    assert growth.landmarks > 50
-    growth.map.compact().save(tmp_path / "grown")
+    mapper = grown(reference_map, keyframes(CAMERA, points))
+    assert mapper.landmarks > 50
+    mapper.map.compact().save(tmp_path / "grown")
 
     saved = ReferenceMap.load(tmp_path / "grown")
-    assert (saved.grown, len(saved.landmark_ids)) == (growth.landmarks, LANDMARKS + growth.landmarks)
+    assert (saved.grown, len(saved.landmark_ids)) == (mapper.landmarks, LANDMARKS + mapper.landmarks)
     assert len(np.unique(saved.landmark_ids)) == len(saved.landmark_ids)
     np.testing.assert_array_equal(saved.points_world[:LANDMARKS], reference_map.points_world)
     apart_m = np.linalg.norm(saved.points_world[LANDMARKS:, None] - points, axis=2).min(axis=1)
     assert apart_m.max() < 1e-3
-    assert saved.descriptor_size.min() > 0.0 and len(saved.descriptors) == LANDMARKS + VIEWS * growth.landmarks
+    assert saved.descriptor_size.min() > 0.0 and len(saved.descriptors) == LANDMARKS + VIEWS * mapper.landmarks
     assert saved.photographs is not None
     assert saved.photographs.first_observation[-1] == saved.photographs.first_observation[LANDMARKS], "seen by none"
 
     again = LocalMapper(make_extendable(reference_map, 100))
     back = load_added_landmarks(tmp_path / "grown", reference_map, tmp_path / "map")
-    assert again.restore(back) == growth.landmarks == again.landmarks
+    assert again.restore(back) == mapper.landmarks == again.landmarks
     again.take_changes()
-    before, after = in_slots(growth.map), in_slots(again.map)
+    before, after = in_slots(mapper.map), in_slots(again.map)
     assert before.keys() == after.keys()
     assert all(np.array_equal(before[look], after[look]) for look in before)
     again.map.compact().save(tmp_path / "twice")

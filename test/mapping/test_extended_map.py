@@ -41,23 +41,23 @@ def grown() -> tuple[ReferenceMap, LocalMapper, list[KeptImage]]:
     random = np.random.default_rng(0)
     keyframes = list(walk(walls(200, random), unlike(200, random), 10, random))
     before = with_photograph(elsewhere(random))
-    growth = LocalMapper(make_extendable(before, 1000))
+    mapper = LocalMapper(make_extendable(before, 1000))
     images = []
     for number, one in enumerate(keyframes):
-        growth.add_keyframe(one)
+        mapper.add_keyframe(one)
         images.append(KeptImage(one.camera, one.stamp_ns, one.world_T_camera, grey(number)))
     blind = KeptImage("chest", 5, np.eye(4), grey(99))
-    growth.take_changes()
-    return before, growth, [*images, blind]
+    mapper.take_changes()
+    return before, mapper, [*images, blind]
 
 
-def extended(growth: LocalMapper, images: list[KeptImage]) -> ReferenceMap:
-    return growth.extended_map(images, cameras())
+def extended(mapper: LocalMapper, images: list[KeptImage]) -> ReferenceMap:
+    return mapper.extended_map(images, cameras())
 
 
 def test_it_is_saved_and_loaded(grown, tmp_path: Path) -> None:
-    reference_map, growth, images = grown
-    points, whole = growth.added_points(), extended(growth, images)
+    reference_map, mapper, images = grown
+    points, whole = mapper.added_points(), extended(mapper, images)
     whole.save(tmp_path / "map")
     loaded = ReferenceMap.load(tmp_path / "map")
     settled = len(reference_map.landmark_ids)
@@ -72,8 +72,8 @@ def test_it_is_saved_and_loaded(grown, tmp_path: Path) -> None:
 
 
 def test_every_landmark_is_in_the_images_that_saw_it_and_looks_as_it_did(grown) -> None:
-    reference_map, growth, images = grown
-    points, whole = growth.added_points(), extended(growth, images)
+    reference_map, mapper, images = grown
+    points, whole = mapper.added_points(), extended(mapper, images)
     photographs, settled = whole.photographs, len(reference_map.landmark_ids)
     assert photographs is not None
     assert np.all(np.diff(photographs.observation_landmark.astype(int)) >= 0)

@@ -18,17 +18,17 @@ POINTS = 500
 
 
 def growth_by(keyframes: Iterable[BodyKeyframe], capacity: int = 1000) -> LocalMapper:
-    growth = LocalMapper(make_extendable(elsewhere(np.random.default_rng(9)), capacity))
-    grow(growth, keyframes)
-    return growth
+    mapper = LocalMapper(make_extendable(elsewhere(np.random.default_rng(9)), capacity))
+    grow(mapper, keyframes)
+    return mapper
 
 
-def grow(growth: LocalMapper, keyframes: Iterable[BodyKeyframe]) -> None:
+def grow(mapper: LocalMapper, keyframes: Iterable[BodyKeyframe]) -> None:
     """As the cameras of a recording make it grow: with what has grown before an instant they are registered in it."""
     for _, instant in groupby(keyframes, key=lambda one: one.stamp_ns):
-        for one in [named(one, growth.map) for one in instant]:
-            growth.add_keyframe(one)
-        growth.take_changes()
+        for one in [named(one, mapper.map) for one in instant]:
+            mapper.add_keyframe(one)
+        mapper.take_changes()
 
 
 def room(seed: int = 0, count: int = POINTS) -> tuple[NDArray[np.float64], NDArray[np.uint8], np.random.Generator]:
@@ -36,9 +36,9 @@ def room(seed: int = 0, count: int = POINTS) -> tuple[NDArray[np.float64], NDArr
     return walls(count, random), unlike(count, random), random
 
 
-def distances(growth: LocalMapper, truth: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances(mapper: LocalMapper, truth: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distance of every landmark to the true point that is nearest [m]."""
-    found = np.array([point.position for point in growth.added_points()])
+    found = np.array([point.position for point in mapper.added_points()])
     return np.linalg.norm(found[:, None] - truth[None], axis=2).min(axis=1)
 
 
@@ -50,12 +50,12 @@ def grown() -> tuple[LocalMapper, NDArray[np.float64], NDArray[np.uint8]]:
 
 
 def test_landmarks_come_out_where_the_truth_is(grown) -> None:
-    growth, points, looks = grown
-    assert growth.landmarks > 0.6 * POINTS
-    errors = distances(growth, points)
+    mapper, points, looks = grown
+    assert mapper.landmarks > 0.6 * POINTS
+    errors = distances(mapper, points)
     assert np.median(errors) < 0.015 and np.percentile(errors, 95) < 0.07 and errors.max() < 0.2
     # What they look like is what those points look like.
-    for point in growth.added_points()[:50]:
+    for point in mapper.added_points()[:50]:
         true = looks[np.linalg.norm(points - point.position, axis=1).argmin()].astype(float)
         assert np.linalg.norm(point.sightings[0].descriptor.astype(float) - true) < 60.0
 
@@ -72,11 +72,11 @@ def test_what_moves_becomes_no_landmark() -> None:
         for row, camera in enumerate(CAMERAS):
             stamp_ns = 1_000_000_000 + number * FRAME_NS
             keyframes.append(keyframe(camera, stamp_ns, walked(row, number), now, looks, random))
-    growth = growth_by(keyframes)
-    moving = [point for point in growth.added_points() if shows(point, looks) < len(ways)]
+    mapper = growth_by(keyframes)
+    moving = [point for point in mapper.added_points() if shows(point, looks) < len(ways)]
     # What moves along with the cameras looks like something that stands farther away.
     assert len(moving) < 0.15 * len(ways)
-    assert np.median(distances(growth, points[len(ways) :])) < 0.02
+    assert np.median(distances(mapper, points[len(ways) :])) < 0.02
 
 
 def shows(point: MapPoint, looks: NDArray[np.uint8]) -> int:
@@ -89,38 +89,38 @@ def test_wrong_matches_become_no_landmarks() -> None:
     """Every point looks like two others: whatever is matched, what comes out is where something is."""
     points, looks, random = room(2)
     looks = looks[np.arange(POINTS) // 3]
-    growth = growth_by(walk(points, looks, 20, random))
-    assert growth.landmarks > 0.3 * POINTS
-    assert (distances(growth, points) < 0.1).mean() > 0.97
+    mapper = growth_by(walk(points, looks, 20, random))
+    assert mapper.landmarks > 0.3 * POINTS
+    assert (distances(mapper, points) < 0.1).mean() > 0.97
 
 
 @pytest.mark.parametrize("capacity", [1, 7, 60])
 def test_there_are_never_more_than_there_is_room_for(capacity: int) -> None:
     """Also where one image sees more than that."""
     points, looks, random = room(6, 200)
-    growth = growth_by([], capacity=capacity)
+    mapper = growth_by([], capacity=capacity)
     for one in walk(points, looks, 25, random):
-        growth.add_keyframe(one)
-        assert growth.landmarks <= capacity
-        growth.take_changes()
-    assert growth.landmarks == capacity
-    assert (distances(growth, points) < 0.2).all()
-    ids = growth.map.landmark_ids[growth.map.slots_from :]
+        mapper.add_keyframe(one)
+        assert mapper.landmarks <= capacity
+        mapper.take_changes()
+    assert mapper.landmarks == capacity
+    assert (distances(mapper, points) < 0.2).all()
+    ids = mapper.map.landmark_ids[mapper.map.slots_from :]
     assert len(set(ids.tolist())) == capacity and (ids != NO_LANDMARK).all()
 
 
 def test_grown_landmarks_that_are_recognised_are_refined(grown) -> None:
     """From where nobody stood before; what carries the name of a landmark is a sighting of it, and no new point."""
-    growth, points, looks = deepcopy(grown)
+    mapper, points, looks = deepcopy(grown)
     random = np.random.default_rng(11)
-    before = {point.landmark_id: point.position for point in growth.added_points()}
+    before = {point.landmark_id: point.position for point in mapper.added_points()}
     for height in (-0.9, -0.6, 0.6, 0.9):
         pose = walked(0, 3)
         pose[2, 3] = height
-        one = named(keyframe("chest", 10**12 + round(1e9 * height), pose, points, looks, random, 0.05), growth.map)
+        one = named(keyframe("chest", 10**12 + round(1e9 * height), pose, points, looks, random, 0.05), mapper.map)
         assert (one.landmark_ids != NO_LANDMARK).sum() > 50
-        growth.add_keyframe(one)
-    after = {point.landmark_id: point.position for point in growth.added_points()}
+        mapper.add_keyframe(one)
+    after = {point.landmark_id: point.position for point in mapper.added_points()}
     moved = [i for i in after if i in before and not np.array_equal(after[i], before[i])]
     errors = [
         np.linalg.norm(np.array([of[i] for i in moved])[:, None] - points, axis=2).min(1) for of in (before, after)

@@ -145,15 +145,15 @@ def test_what_changes_is_used_and_what_is_fixed_changes_before_it_is_configured(
 
     node = make("registration", {"map": str(write_map(tmp_path / "map")), "cameras": ["left"]})
     other = str(write_map(tmp_path / "other", landmarks=7))
-    for name, value in (("map", other), ("registrar.min_inliers", 15), ("growth.capacity", 500)):
+    for name, value in (("map", other), ("registrar.min_inliers", 15), ("extension.capacity", 500)):
         assert not _set(node, name, value)
-    assert "capacity" in _set(node, "growth.capacity", 5)
+    assert "capacity" in _set(node, "extension.capacity", 5)
     assert "autostart" in _set(node, "autostart", True)
     assert node.trigger_configure() == node.trigger_activate()
     stage = node.stage
     assert len(stage.map.landmark_ids) == 7, "it has read what was set before"
     assert "map" in _set(node, "map", other)
-    assert "growth.capacity" in _set(node, "growth.capacity", 600)
+    assert "extension.capacity" in _set(node, "extension.capacity", 600)
     camera = DrivenCamera(graph, "left", latched(), latched())
     camera.inform()
     deadline_s = time.monotonic() + _START_S

@@ -57,7 +57,7 @@ def test_live_with_sensors_agrees_with_a_replay_while_all_cameras_are_dark(
     graph: Any, sample: Path, tmp_path: Path
 ) -> None:
     reference_map, settings = sample / "map", PipelineSettings()
-    settings = replace(settings, smoother=replace(settings.smoother, output_delay=0))
+    settings = replace(settings, estimator=replace(settings.estimator, output_delay=0))
     whole = write_altered_sample(sample, tmp_path / "whole", cameras=CAMERAS, frames=FRAMES)
     replay(ReplayRequest(whole, reference_map, sample / "body.yaml", tmp_path / "true", settings, jobs=2))
     true = read_solved(tmp_path / "true")
@@ -88,7 +88,7 @@ def test_live_with_sensors_agrees_with_a_replay_while_all_cameras_are_dark(
     )
     given: dict[str, dict[str, Any]] = {
         "tracker": {"longest_wait": 0.0},
-        "skeleton_solver": {"smoother.output_delay": 0},
+        "skeleton_solver": {"estimator.output_delay": 0},
     }
     graph.start(
         *(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from helpers.known_keyframes import K, descriptors_of, place, small_map, tracks, unknown_points, worn_camera
+from helpers.known_keyframes import K, body_camera, descriptors_of, place, small_map, tracks, unknown_points
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.geometry import inverse, log_se3
@@ -17,7 +17,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-CAMERA = worn_camera()
+CAMERA = body_camera()
 UNKNOWN = unknown_points(100)
 _START_S, _SOON_S = 60.0, 60.0
 _PART = "registration: grown map"

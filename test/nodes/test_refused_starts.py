@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 from helpers.tiny_bag import write_tiny_bag
 from helpers.two_cameras import write_body, write_map
-from static_cameras.dressed_body import stations_around
+from static_cameras.dressed_body import static_cameras_around
 
 from bodycam_ros.errors import BodycamError
-from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -33,7 +33,7 @@ def test_a_wrong_start_ends_with_one_line_and_code_2(graph: Any, tmp_path: Path)
 def test_unknown_parameters_are_warned_about(graph: Any) -> None:
     """A file may be meant for another version, or for other nodes too."""
     odd = {"camra": 1, "tracker.keyframes": 3, "traker.keyframe_interval": 3}
-    others = {"rig": "rig.yaml", "smoother.output_delay": 3, "shape.length_sigma": 0.1}
+    others = {"rig": "rig.yaml", "estimator.output_delay": 3, "shape.length_sigma": 0.1}
     (started,) = graph.start(GraphNode("tracker", "tracker", {"camera": "left", **odd, **others}))
     info = graph.publisher("/left/camera_info", "sensor_msgs/msg/CameraInfo")
     graph.until(info.get_subscription_count, _START_S, "the tracker is up")
@@ -52,7 +52,7 @@ def test_a_wrong_start_is_an_error_that_names_what_is_wrong(graph: Any, tmp_path
     (tmp_path / "no_rig.yaml").write_text("cameras: {}")
     (tmp_path / "rig.yaml").write_text("cameras: {left: torso, right: arm}\nsegments: {torso: null, arm: torso}\n")
     broken, no_rig, rig, new = (str(tmp_path / f"{name}.yaml") for name in ("broken", "no_rig", "rig", "new"))
-    write_stations(tmp_path / "cameras.yaml", stations_around(1).values())
+    write_static_cameras(tmp_path / "cameras.yaml", static_cameras_around(1).values())
     static = {"stations": str(tmp_path / "cameras.yaml"), "body": body}
     bag = str(write_tiny_bag(tmp_path / "bag"))
     left = {"camera": "left"}
@@ -70,15 +70,15 @@ def test_a_wrong_start_is_an_error_that_names_what_is_wrong(graph: Any, tmp_path
         ("skeleton_solver", {}, "'body'"),
         ("skeleton_solver", {"body": broken}, "broken.yaml"),
         ("skeleton_solver", {"body": body, "cameras": ("hat",)}, "hat"),
-        ("skeleton_solver", {"body": body, "smoother.output_delay": "offline"}, "output_delay"),
+        ("skeleton_solver", {"body": body, "estimator.output_delay": "offline"}, "output_delay"),
         ("skeleton_solver", {"body": new, "rig": rig, "cameras": ("left",)}, "cameras"),
         ("skeleton_solver", {"body": new, "rig": no_rig}, "no_rig.yaml"),
         ("skeleton_solver", {"body": body, "rig": rig, "map": reference_map}, "overwrite_body"),
         ("skeleton_solver", {"body": new, "rig": rig}, "'map'"),
         ("skeleton_solver", {"body": new, "rig": rig, "map": sizeless}, "is not metric"),
         ("skeleton_solver", {"body": new, "rig": rig, "map": tilted}, "tilted"),
-        ("skeleton_solver", {**static, "worn": False}, "static cameras"),
-        ("skeleton_solver", {"body": body, "worn": False}, "worn"),
+        ("skeleton_solver", {**static, "body_cameras": False}, "static cameras"),
+        ("skeleton_solver", {"body": body, "body_cameras": False}, "body_cameras"),
         ("skeleton_solver", {"body": body, "start": "start.yaml"}, "start.yaml"),
         ("skeleton_solver", {**static, "surface": str(tmp_path / "no_scan")}, "no_scan"),
         ("skeleton_solver", {**static, "transport": "pigeon"}, "pigeon"),

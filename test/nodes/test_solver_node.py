@@ -119,7 +119,7 @@ class Cameras:
 
 
 def test_what_waits_is_published_when_idle_and_at_the_end(graph: Any, tmp_path: Path) -> None:
-    delay = SmootherSettings().output_delay
+    delay = EstimatorSettings().output_delay
     cameras = Cameras(graph, write_body(tmp_path / "body.yaml"), idle_flush=1.5)
     # Registrations that come before the cameras are known wait for them.
     cameras.publish(range(10))
@@ -267,7 +267,7 @@ def test_inertial_sensors_carry_the_body_while_all_cameras_are_silent(graph: Any
     path = write_body(tmp_path / "body.yaml", "odd")
     body = read_body(path)
     write_body_file(replace(body, mounts={c: replace(m, imu=ImuCalibration()) for c, m in body.mounts.items()}), path)
-    cameras = Cameras(graph, path, **{"smoother.output_delay": 0})
+    cameras = Cameras(graph, path, **{"estimator.output_delay": 0})
     odd = [*cameras.body.mounts][-1]
     cameras.inform(*cameras.body.mounts)
     late, silence = range(30, 45), range(60, 75)

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from helpers.live_graph import live_graph, player
 from numpy.typing import NDArray
-from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, static_cameras_around
 from static_cameras.painted_bag import FRAME_NS, START_NS, write_bag
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.limb_mesh import capsule_surfaces
-from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.geometry import exp_se3, quaternion_xyzw
 from bodycam_ros.messages.factory import stamp_ns
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -38,7 +38,7 @@ _OUTPUTS = {
 @pytest.fixture(scope="module")
 def dressed(sample: Path) -> DressedBody:
     body = with_hands(read_body(sample / "body.yaml"))
-    two = dict(list(stations_around(3).items())[:2])
+    two = dict(list(static_cameras_around(3).items())[:2])
     return DressedBody(body, capsule_surfaces(body), two)
 
 
@@ -59,7 +59,7 @@ def bag(dressed: DressedBody, motion: Array, tmp_path_factory: pytest.TempPathFa
 def outside(dressed: DressedBody, motion: Array, bag: Path) -> StaticCameraFiles:
     """Where the stations stand, and where the person does at first, 3 cm and 4 degrees off."""
     files = StaticCameraFiles(bag.parent / "cameras.yaml", start=bag.parent / "start.yaml")
-    write_stations(files.stations, dressed.stations.values())
+    write_static_cameras(files.stations, dressed.stations.values())
     off = exp_se3(np.array([0.0, 0.0, 0.07, 0.02, -0.02, 0.01]))
     lines = []
     for segment, pose in zip(dressed.body.segments, motion[0], strict=True):

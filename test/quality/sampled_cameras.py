@@ -37,6 +37,6 @@ def sampled(name: str = "head", **changes: object) -> SampledCamera:
 
 
 def recording(*cameras: SampledCamera, **changes: object) -> SampledRecording:
-    instants_s = np.linspace(1.0, DURATION_S - 1.0, 4)
+    times_s = np.linspace(1.0, DURATION_S - 1.0, 4)
     fields: dict[str, object] = {"is_synchronous": True} | changes
-    return SampledRecording(cameras, DURATION_S, instants_s, **fields)  # type: ignore[arg-type]
+    return SampledRecording(cameras, DURATION_S, times_s, **fields)  # type: ignore[arg-type]

@@ -219,8 +219,10 @@ def test_settings_are_checked(sample: Path, tmp_path: Path, capfd: pytest.Captur
     bag = write_altered_sample(sample, tmp_path / "bag", frames=2)
     out = tmp_path / "out"
     assert_refused(capfd, run(sample, bag, out, "--keypoints.max_keypoints", "10"), out, "max_keypoints", "50 to 20000")
-    (tmp_path / "config.yaml").write_text("/**: {ros__parameters: {smother: {window: 0.5}}}")
-    assert_refused(capfd, run(sample, bag, out, "--config", str(tmp_path / "config.yaml")), out, "smother", "smoother")
+    (tmp_path / "config.yaml").write_text("/**: {ros__parameters: {estimater: {window: 0.5}}}")
+    assert_refused(
+        capfd, run(sample, bag, out, "--config", str(tmp_path / "config.yaml")), out, "estimater", "estimator"
+    )
 
 
 def test_a_map_without_scale_is_refused(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -19,7 +19,7 @@ from benchmarks.half_map import half_map
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe
 from bodycam_ros.mapping.extendable_map import ExtendableMap
-from bodycam_ros.mapping.map_settings import GrowthSettings
+from bodycam_ros.mapping.map_settings import ExtensionSettings
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -179,7 +179,7 @@ def test_a_recording_that_is_left_in_the_middle_leaves_no_process(sample: Path, 
     results = registered_images(task, models, 2)
     assert next(results)
     results.close()
-    settings = replace(PipelineSettings(), growth=GrowthSettings(enabled=False))
+    settings = replace(PipelineSettings(), extension=ExtensionSettings(enabled=False))
     alone = list(registered_images(replace(task, settings=settings), models, 2))
     assert len(alone) == 60 and all(one.matches.grown == 0 for one in alone)
 
@@ -201,7 +201,7 @@ def test_the_share_that_is_done_is_of_the_stamps_whatever_the_clock_of_the_recor
 def test_a_worker_that_is_killed_amid_a_result_is_reported(sample: Path, part: Path, tmp_path: Path) -> None:
     """As by the system, for want of memory: most of the time a worker waits for the reader of a large batch."""
     bag = write_altered_sample(sample, tmp_path / "bag", cameras=["waist_front"], frames=30)
-    settings = replace(PipelineSettings(), growth=GrowthSettings(enabled=False))
+    settings = replace(PipelineSettings(), extension=ExtensionSettings(enabled=False))
     errors: list[RecordingError] = []
 
     def read(worker: Worker) -> None:

@@ -34,7 +34,7 @@ def run(sample: Path, bag: Path, out: Path, flags: Sequence[object]) -> int:
 def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
     sample: Path, painted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Without a map, and without worn cameras: joint states, odometry, what each station said, and a picture of it."""
+    """Without a map, and without body cameras: joint states, odometry, what each station said, and a picture of it."""
     dressed, out, meshes = dressed_body(sample), tmp_path / "out", tmp_path / "meshes"
     meshes.mkdir()
     for name, surface in dressed.surfaces.items():

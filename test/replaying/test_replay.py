@@ -56,7 +56,7 @@ def test_two_runs_give_identical_joint_states_whatever_the_number_of_processes(
 
 
 def test_a_recording_is_solved_as_a_whole_in_a_step_of_its_own(sample: Path, short: Path, tmp_path: Path) -> None:
-    settings = PipelineSettings(smoother=SmootherSettings(output_delay="offline"))
+    settings = PipelineSettings(estimator=EstimatorSettings(output_delay="offline"))
     steps: list[tuple[str, float]] = []
     inputs = (short, sample / "map", sample / "body.yaml")
     summary = replay(
@@ -69,9 +69,7 @@ def test_a_recording_is_solved_as_a_whole_in_a_step_of_its_own(sample: Path, sho
     seen = [number for number, name in enumerate(whole[min(whole)][0]) if name.startswith(("spine", "hip_left"))]
     gaps = [np.abs(whole[stamp][1] - forward[stamp][1])[seen].max() for stamp in whole]
     assert len(seen) == 6 and 0.0 < max(gaps) < 0.005
-    assert (
-        list(dict(steps)) == [f"replay of {summary.recorded_s:.1f} s", "all instants together"] and steps[-1][1] == 1.0
-    )
+    assert list(dict(steps)) == [f"replay of {summary.recorded_s:.1f} s", "all frames together"] and steps[-1][1] == 1.0
 
 
 @pytest.mark.long

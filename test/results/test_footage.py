@@ -112,8 +112,8 @@ def test_images_are_those_of_the_recording_in_any_order(sample: Path) -> None:
 def test_images_are_found_by_the_time_that_the_body_knows(sample: Path, tmp_path: Path) -> None:
     bag = sample / "sample" / "bag"
     plain_ns = Footage(bag, None).times_ns("head")
-    begun_ns = int(plain_ns[0])
-    ahead = ClockHistory("head", (ClockState(begun_ns, begun_ns, 0.020, 0.0, 0.001, 0.0),))
+    start_ns = int(plain_ns[0])
+    ahead = ClockHistory("head", (ClockState(start_ns, start_ns, 0.020, 0.0, 0.001, 0.0),))
     with write_recording(tmp_path / "out") as writer:
         for since_ns, message in timing_messages(recorded_messages(), ahead):
             writer.write("/head/timing", since_ns, message)

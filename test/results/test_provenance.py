@@ -16,9 +16,9 @@ from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_identity import body_identity
 from bodycam_ros.body.body_yaml import body_from_yaml
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.evaluate.image_views import static_camera_views
-from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.map_identity import map_identity
@@ -26,7 +26,7 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.provenance import Provenance, body_record, map_record, settings_record, source_remarks
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.viewer.sources import Sources
 
 
@@ -45,7 +45,7 @@ def test_one_file_tells_what_it_was_made_from(sample: Path, sample_out: Path) ->
         "first_stamp_ns": "1700000001000000000",
     }
     assert metadata["settings"] == settings_record(PipelineSettings()) | {"passes": "1", "slim": "false"}
-    assert json.loads(metadata["settings"]["smoother.output_delay"]) == PipelineSettings().smoother.output_delay
+    assert json.loads(metadata["settings"]["estimator.output_delay"]) == PipelineSettings().estimator.output_delay
     assert body_identity(body_from_yaml(attachments["body.yaml"].decode())) == body_identity(body)
     with AnyReader([sample_out]) as bag:
         (verdict,) = bag.messages([each for each in bag.connections if each.topic == "/verdict"])
@@ -85,12 +85,12 @@ def test_static_cameras_in_another_map_are_warned_of(
     hall = ReferenceMap.load(sample / "map")
     replace(hall, points_world=hall.points_world + 0.5).save(tmp_path / "cellar")
     lens = camera_from_info("corner", 640, 480, "plumb_bob", [0.0] * 5, [470.0, 0, 320, 0, 470, 240, 0, 0, 1])
-    write_stations(tmp_path / "cameras.yaml", [Station("corner", np.eye(4), lens)])
+    write_static_cameras(tmp_path / "cameras.yaml", [StaticCamera("corner", np.eye(4), lens)])
     files = StaticCameraFiles(tmp_path / "cameras.yaml", None, None)
     solved = read_solved(sample_out)
     for given, warned in ((sample / "map", []), (tmp_path / "cellar", ["cellar is another map"])):
         caplog.clear()
-        with naming(StationError, sample / "sample" / "bag"):
+        with naming(StaticCameraError, sample / "sample" / "bag"):
             static_camera_views(solved, sample / "sample" / "bag", files, given)
         told = [record.getMessage() for record in caplog.records]
         assert len(told) == len(warned) and all(text in each for text, each in zip(warned, told, strict=True))

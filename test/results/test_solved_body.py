@@ -170,7 +170,7 @@ def test_a_clock_that_is_ahead_is_put_right(walk: Walk, tmp_path: Path) -> None:
 
 def test_gaps_are_steps_of_more_than_a_frame_and_a_half(walk: Walk, tmp_path: Path) -> None:
     recording = read_solved(write_solved(walk.without([20, 21, 40]), tmp_path / "out"))
-    assert recording.frame_ns == recording.instant_ns == FRAME_NS
+    assert recording.frame_ns == recording.step_ns == FRAME_NS
     assert recording.duration_s == pytest.approx(FRAMES * FRAME_NS * 1e-9)
     frames = np.array([-1, 0, 10, 19, 20, 30, 40, 59, 60])
     solved = recording.is_solved_at(START_NS + frames * FRAME_NS)

@@ -13,7 +13,7 @@ from bodycam_ros.body.surface import Surface
 from bodycam_ros.camera import camera_from_info
 from bodycam_ros.geometry import exp_so3, rigid, transform_points
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
@@ -39,7 +39,7 @@ class DressedBody:
 
     body: BodyModel
     surfaces: Mapping[str, Surface]
-    stations: Mapping[str, Station]
+    stations: Mapping[str, StaticCamera]
 
     def images(self, world_T_segment: Array, light: float, seed: int) -> dict[str, Image]:
         """One of each station; each has its own background, which does not change but for its light and its grain."""
@@ -60,7 +60,7 @@ class DressedBody:
         return pictures
 
 
-def stations_around(count: int) -> dict[str, Station]:
+def static_cameras_around(count: int) -> dict[str, StaticCamera]:
     """VGA cameras three metres from where the person stands, as far apart as they can be."""
     stations = {}
     for number in range(count):
@@ -69,7 +69,7 @@ def stations_around(count: int) -> dict[str, Station]:
             name, 640, 480, "plumb_bob", [-0.03, 0.01, 0, 0, 0], [470, 0, 318.3, 0, 470, 240.7, 0, 0, 1]
         )
         place = MIDDLE + [3.0 * np.cos(angle), 3.0 * np.sin(angle), 0.3 + 0.2 * number]
-        stations[name] = Station(name, looking_at(place, MIDDLE), camera)
+        stations[name] = StaticCamera(name, looking_at(place, MIDDLE), camera)
     return stations
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, static_cameras_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.limb_mesh import capsule_surfaces
-from bodycam_ros.formats.stations_file import write_stations
+from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.recording.bag_writer import write_recording
@@ -23,13 +23,13 @@ FRAMES, START_NS, FRAME_NS = 10, 1_700_000_000_000_000_000, 33_333_333
 
 def dressed_body(sample: Path) -> DressedBody:
     body = read_body(sample / "body.yaml")
-    return DressedBody(body, capsule_surfaces(body), stations_around(3))
+    return DressedBody(body, capsule_surfaces(body), static_cameras_around(3))
 
 
 def write_painted(dressed: DressedBody, folder: Path) -> None:
     motion = small_motion(dressed.body, FRAMES)
     write_bag(dressed, motion, folder / "bag")
-    write_stations(folder / "cameras.yaml", dressed.stations.values())
+    write_static_cameras(folder / "cameras.yaml", dressed.stations.values())
     directions = np.random.default_rng(5).normal(size=(len(motion[0]), 2, 3))
     directions /= np.linalg.norm(directions, axis=2, keepdims=True)
     placed = motion[0] @ exp_se3(np.concatenate([0.07 * directions[:, 0], 0.02 * directions[:, 1]], axis=1))

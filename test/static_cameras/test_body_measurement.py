@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, static_cameras_around
 from threadpoolctl import threadpool_limits
 
 from bodycam_ros.body.body_file import read_body
@@ -61,7 +61,7 @@ class Painted:
             for name, value in {"_SURFACE_SIGMA_M": 0.002, "_ALIKE_S": 1e-9 * STEP_NS, "_ROUNDS": 3}.items():
                 patch.setattr(body_measurement, name, value)
             return BodyMeasurement(
-                self.begun,
+                self.initial,
                 self.dressed.stations,
                 lambda: list(self.read())[:instants],
                 self.placed,
@@ -82,7 +82,7 @@ def painted(sample: Path) -> Painted:
     shares = np.zeros(shape.size)
     shares[: len(sides)] = [OFF * signs[sorted(set(sides)).index(side)] for side in sides]
     begun = replace(shape.shaped(shares), girths={})
-    dressed = DressedBody(person, capsule_surfaces(person), stations_around(STATIONS))
+    dressed = DressedBody(person, capsule_surfaces(person), static_cameras_around(STATIONS))
     motion = small_motion(person, 2 * INSTANTS, 0.35)[::2]
     instants = [
         BodyFrame(
@@ -115,7 +115,7 @@ def lengths_off(body: BodyModel, person: BodyModel) -> dict[str, float]:
 
 
 def test_lengths_come_back(painted: Painted, measured: MeasuredBody) -> None:
-    before, after = (lengths_off(body, painted.person) for body in (painted.begun, measured.body))
+    before, after = (lengths_off(body, painted.person) for body in (painted.initial, measured.body))
     assert np.abs(list(before.values())).mean() == pytest.approx(OFF, abs=1e-9)
     assert np.abs(list(after.values())).mean() < 0.5 * OFF
     bent = [abs(off) for name, off in after.items() if SegmentName(name.split()[0]).kind in BENT]
@@ -125,7 +125,7 @@ def test_lengths_come_back(painted: Painted, measured: MeasuredBody) -> None:
 def test_girths_come_back(painted: Painted, measured: MeasuredBody) -> None:
     """Radii of limbs, whatever stature they are said in."""
     radii = []
-    for body in (painted.person, painted.begun, measured.body):
+    for body in (painted.person, painted.initial, measured.body):
         surfaces = capsule_surfaces(body)
         limbs = [name for name in surfaces if SegmentName(name).kind in {"thigh", "shin", "upper_arm"}]
         radii.append(np.array([np.abs(surfaces[name].vertices[:, 0]).max() for name in limbs]))

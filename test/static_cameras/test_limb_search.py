@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, static_cameras_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
@@ -19,7 +19,7 @@ LEG = ("thigh_left", "shin_left", "foot_left")
 @pytest.fixture(scope="module")
 def dressed(sample) -> DressedBody:
     body = read_body(sample / "body.yaml")
-    return DressedBody(body, capsule_surfaces(body), stations_around(2))
+    return DressedBody(body, capsule_surfaces(body), static_cameras_around(2))
 
 
 def rows(body: BodyModel, segments: tuple[str, ...]) -> list[int]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from static_cameras.dressed_body import MIDDLE, looking_at, small_motion, stations_around
+from static_cameras.dressed_body import MIDDLE, looking_at, small_motion, static_cameras_around
 from static_cameras.painted_bag import dressed_body
 
 from bodycam_ros.body.average_person import with_hands
@@ -19,7 +19,7 @@ from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import read_start, write_start
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 REACHED_M = 0.002
 STANDS = exp_se3(np.array([0.0, 0.0, 0.7, 1.0, -2.0, 0.9]))
@@ -149,7 +149,7 @@ def test_hips_and_the_waist_only_turn_and_the_head_leans_the_torso(standing: Pla
 
 
 def test_the_body_stands_upright_where_the_cameras_look(body: BodyModel) -> None:
-    stations = [*stations_around(3).values()]
+    stations = [*static_cameras_around(3).values()]
     root = standing_in_view(body, stations)[body.segment_index[body.root]]
     assert_allclose(root[:3, 3], MIDDLE, rtol=0.0, atol=0.02)
     assert_allclose(root[:3, 2], [0.0, 0.0, 1.0], rtol=0.0, atol=1e-12)
@@ -159,7 +159,7 @@ def test_the_body_stands_upright_where_the_cameras_look(body: BodyModel) -> None
 
 def test_one_camera_has_the_body_before_it(body: BodyModel) -> None:
     place = np.array([4.0, 1.0, 1.5])
-    station = Station("alone", looking_at(place, MIDDLE), stations_around(1)["ext_00"].camera)
+    station = StaticCamera("alone", looking_at(place, MIDDLE), static_cameras_around(1)["ext_00"].camera)
     root = standing_in_view(body, [station])[body.segment_index[body.root], :3, 3]
     assert_allclose(root, place + 3.0 * station.world_T_camera[:3, 2], rtol=0.0, atol=1e-9)
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from static_cameras.dressed_body import CLOTHES, MIDDLE, DressedBody, looking_at, small_motion, stations_around
+from static_cameras.dressed_body import CLOTHES, MIDDLE, DressedBody, looking_at, small_motion, static_cameras_around
 from static_cameras.painted_scene import grained
 
 from bodycam_ros.body.body_file import read_body
@@ -20,7 +20,7 @@ from bodycam_ros.static_cameras.articulated_step import PredictedBody
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import start_poses
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 Array = NDArray[np.float64]
 Images = list[dict[str, NDArray[np.uint8]]]
@@ -34,7 +34,7 @@ WELL_KNOWN = 0.1  # [rad], [m] sigma below which a direction is said to be known
 @pytest.fixture(scope="module")
 def dressed(sample) -> DressedBody:
     body = read_body(sample / "body.yaml")
-    return DressedBody(body, capsule_surfaces(body), stations_around(3))
+    return DressedBody(body, capsule_surfaces(body), static_cameras_around(3))
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def darkening(dressed: DressedBody, motion: Array) -> Images:
 
 
 def tracker_of(
-    dressed: DressedBody, stations: Mapping[str, Station] | None = None, settings: RegionSettings = SETTINGS
+    dressed: DressedBody, stations: Mapping[str, StaticCamera] | None = None, settings: RegionSettings = SETTINGS
 ) -> RegionTracker:
     surface = BodySurface.of(dressed.body, dressed.surfaces)
     return RegionTracker(dressed.body, surface, stations or dressed.stations, settings)
@@ -116,7 +116,7 @@ def test_an_arm_does_not_stay_at_the_contour_of_a_trunk_of_its_colours(
 ) -> None:
     """One camera sees it swing from behind the trunk to before it; where all lines count alike it ends 79 mm off."""
     monkeypatch.setitem(CLOTHES, "upper_arm", CLOTHES["torso"])
-    body, side = dressed.body, stations_around(1)["ext_00"]
+    body, side = dressed.body, static_cameras_around(1)["ext_00"]
     side = replace(side, world_T_camera=looking_at(MIDDLE + [0.0, -3.0, 0.3], MIDDLE))
     shirt, angles = DressedBody(body, dressed.surfaces, {"ext_00": side}), JointAngles(body)
     turns = np.zeros((6, len(angles.names)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from static_cameras.dressed_body import small_motion, stations_around
+from static_cameras.dressed_body import small_motion, static_cameras_around
 from static_cameras.painted_scene import opencv_pixels
 
 from bodycam_ros.body.body_file import read_body
@@ -16,7 +16,7 @@ from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.shape_evidence import BULGES, ShapeEvidence
-from bodycam_ros.static_cameras.station import Contour, RegionEvidence, RegionModel, Station
+from bodycam_ros.static_cameras.static_camera import Contour, RegionEvidence, RegionModel, StaticCamera
 
 SETTINGS = RegionSettings()
 BLACK = np.zeros((480, 640, 3), np.uint8)
@@ -27,7 +27,7 @@ class KnowingView:
     """A view whose lines find the contour where points of the surface have really gone."""
 
     view: RegionModel
-    station: Station
+    station: StaticCamera
     now: ShapeEvidence
     then: ShapeEvidence
     poses_then: Array
@@ -86,7 +86,7 @@ def said(now: ShapeEvidence, then: ShapeEvidence) -> tuple[Array, Array, Array]:
     (poses,) = small_motion(now.body, 1)
     rotations = now.body.joint_rotations(poses)
     root = poses[now.body.segment_index[now.body.root]]
-    stations = stations_around(2)
+    stations = static_cameras_around(2)
     views: Mapping[str, RegionModel] = RegionTracker(now.body, now.surface, stations, SETTINGS).views
     vectors = []
     for shown in (then, now):

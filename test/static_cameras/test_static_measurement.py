@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from static_cameras.dressed_body import DressedBody, small_motion, stations_around
+from static_cameras.dressed_body import DressedBody, small_motion, static_cameras_around
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.limb_mesh import capsule_surfaces
@@ -31,7 +31,7 @@ SETTINGS = RegionSettings()
 @pytest.fixture(scope="module")
 def dressed(sample) -> DressedBody:
     body = read_body(sample / "body.yaml")
-    return DressedBody(body, capsule_surfaces(body), stations_around(len(STATIONS)))
+    return DressedBody(body, capsule_surfaces(body), static_cameras_around(len(STATIONS)))
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.cli.main import main
-from bodycam_ros.formats.stations_file import read_stations
+from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.geometry import Array, inverse, log_se3
 from bodycam_ros.messages.factory import header_message
 from bodycam_ros.messages.images import camera_info_message
@@ -72,7 +72,7 @@ def test_who_stands_is_written_and_who_does_not_is_named(
     output = tmp_path / "cameras.yaml"
     assert main(command(bag, sample, output)) == 0
     said = capsys.readouterr().out
-    stations = read_stations(output, reference_map)
+    stations = read_static_cameras(output, reference_map)
     assert list(stations) == ["door", "window"]
     for name, photograph in (("door", "ref_0099.jpg"), ("window", "ref_0107.jpg")):
         apart = log_se3(inverse(taken_from(photograph)) @ stations[name].world_T_camera)
@@ -94,7 +94,7 @@ def test_only_the_cameras_that_are_asked_for(
 ) -> None:
     output = tmp_path / "cameras.yaml"
     assert main(command(bag, sample, output, "--cameras", "window")) == 0
-    assert list(read_stations(output)) == ["window"]
+    assert list(read_static_cameras(output)) == ["window"]
     before = output.read_bytes()
     assert main(command(bag, sample, output, "--cameras", "window")) == 1
     assert "exists already" in capsys.readouterr().err

@@ -47,7 +47,7 @@ def said_of(instants_ns: list[int], images: list[LandmarkMatches]) -> list[Landm
         stream.add(each)
         while waiting and stream.has_passed(waiting[0], waiting[0]):
             said.append(stream.take(waiting[0], waiting.pop(0)))
-    said += [stream.take(instant_ns, instant_ns) for instant_ns in waiting]
+    said += [stream.take(step_ns, step_ns) for step_ns in waiting]
     return [each for each in said if each is not None]
 
 
@@ -72,9 +72,9 @@ def test_the_rotation_since_the_instant_before_is_what_the_camera_turned() -> No
 
 def test_an_unregistered_image_keeps_its_rotation_alone() -> None:
     images = [image(number, known=number != 5) for number in range(10)]
-    instant_ns = START_NS + round(5.2 * FRAME_NS)
-    (said,) = said_of([instant_ns], images)
-    assert said.world_T_camera is None and said.stamp_ns == instant_ns
+    step_ns = START_NS + round(5.2 * FRAME_NS)
+    (said,) = said_of([step_ns], images)
+    assert said.world_T_camera is None and said.stamp_ns == step_ns
 
 
 def test_a_gap_has_no_pose() -> None:

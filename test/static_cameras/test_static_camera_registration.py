@@ -10,10 +10,10 @@ from helpers.naming import naming
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_se3
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.station_registration import StationRegistration
+from bodycam_ros.static_cameras.static_camera_registration import StaticCameraRegistration
 
 Image = NDArray[np.uint8]
 PLACE = "ref_0099.jpg"
@@ -38,7 +38,7 @@ def test_a_camera_is_found_where_it_stands(
     still_images: list[Image],
     taken_from: Callable[[str], Array],
 ) -> None:
-    found = StationRegistration(camera, reference_map).register(still_images)
+    found = StaticCameraRegistration(camera, reference_map).register(still_images)
     angle_deg, distance_mm = error(found.station.world_T_camera, taken_from(PLACE))
     assert angle_deg < 0.05 and distance_mm < 3.0
     assert found.station.name == "door" and found.station.camera is camera
@@ -54,7 +54,7 @@ def test_a_map_without_photographs_does_by_descriptors(
     taken_from: Callable[[str], Array],
 ) -> None:
     bare = replace(reference_map, photographs=None)
-    found = StationRegistration(camera, bare).register(still_images)
+    found = StaticCameraRegistration(camera, bare).register(still_images)
     angle_deg, distance_mm = error(found.station.world_T_camera, taken_from(PLACE))
     assert angle_deg < 0.15 and distance_mm < 10.0
     assert found.images == 3 and found.landmarks > 50
@@ -65,18 +65,18 @@ def test_a_camera_that_somebody_bumped_into_moves(
     camera: CameraModel, reference_map: ReferenceMap, still_images: list[Image], turn_deg: float
 ) -> None:
     images = [*still_images[:2], turned(still_images[2], camera, turn_deg)]
-    with naming(StationError, "camera door"):
-        StationRegistration(camera, reference_map).register(images)
+    with naming(StaticCameraError, "camera door"):
+        StaticCameraRegistration(camera, reference_map).register(images)
 
 
 def test_what_cannot_be_placed_says_what_to_do(
     camera: CameraModel, reference_map: ReferenceMap, still_images: list[Image]
 ) -> None:
-    registration = StationRegistration(camera, reference_map)
+    registration = StaticCameraRegistration(camera, reference_map)
     noise = np.random.default_rng(1).integers(0, 255, still_images[0].shape).astype(np.uint8)
-    with naming(StationError, "camera door", "0 of its 2 images"):
+    with naming(StaticCameraError, "camera door", "0 of its 2 images"):
         registration.register([noise, still_images[3]])
-    with naming(StationError, "camera door", "1 of its 2 images"):
+    with naming(StaticCameraError, "camera door", "1 of its 2 images"):
         registration.register([still_images[0], noise])
-    with naming(StationError, "camera door", 1, 2):
+    with naming(StaticCameraError, "camera door", 1, 2):
         registration.register(still_images[:1])

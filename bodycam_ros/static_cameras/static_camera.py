@@ -31,7 +31,7 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Station:
+class StaticCamera:
     """A static camera.
 
     Attributes:
@@ -127,7 +127,7 @@ class RegionModel:
         jointed: (S, S) which segments a joint connects.
     """
 
-    def __init__(self, station: Station, surface: BodySurface, jointed: Mask) -> None:
+    def __init__(self, station: StaticCamera, surface: BodySurface, jointed: Mask) -> None:
         self.station = station
         self._surface = surface
         self._jointed = jointed

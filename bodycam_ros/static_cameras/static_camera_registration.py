@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.geometry import Array, inverse, log_se3, robust_average_pose, transform_points
 from bodycam_ros.registration.direct_registration import DirectRegistration, DirectSettings
 from bodycam_ros.registration.image_registration import ImageRegistration
@@ -20,7 +20,7 @@ from bodycam_ros.registration.pose_fit import PoseFit, PoseFitSettings, fit_pose
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.registration.registrar import MAX_SIGMA_M, RegistrarSettings
 from bodycam_ros.settings import SettingsGroups
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 _KEYPOINTS = 2000  # of an image; 600 give two thirds of the landmarks, in as good as the same time
 _PER_CELL = 20  # landmarks in each cell of an image; in the hall 2 leave 1.3 to 4.8 mm, 20 leave 0.4 to 2.6
@@ -42,7 +42,7 @@ _SHOW_MORE = (
 
 
 @dataclass(frozen=True)
-class StationsSettings(SettingsGroups):
+class StaticCamerasSettings(SettingsGroups):
     """Settings of every step from the images of a static camera to its pose."""
 
     registrar: RegistrarSettings = RegistrarSettings()
@@ -51,7 +51,7 @@ class StationsSettings(SettingsGroups):
 
 
 @dataclass(frozen=True, eq=False)
-class RegisteredStation:
+class RegisteredStaticCamera:
     """A static camera whose place was found.
 
     Attributes:
@@ -63,7 +63,7 @@ class RegisteredStation:
         covariance: (6, 6) of the pose, rotation [rad] then translation [m], both in camera axes.
     """
 
-    station: Station
+    station: StaticCamera
     images: int
     asked: int
     landmarks: int
@@ -94,7 +94,7 @@ class _View:
         return log_se3(inverse(world_T_camera) @ self.fit.world_T_camera)
 
 
-class StationRegistration:
+class StaticCameraRegistration:
     """Finds one static camera.
 
     Args:
@@ -104,20 +104,20 @@ class StationRegistration:
     """
 
     def __init__(
-        self, camera: CameraModel, reference_map: ReferenceMap, settings: StationsSettings | None = None
+        self, camera: CameraModel, reference_map: ReferenceMap, settings: StaticCamerasSettings | None = None
     ) -> None:
         self._camera, self._map = camera, reference_map
-        self._settings = settings or StationsSettings()
+        self._settings = settings or StaticCamerasSettings()
 
-    def register(self, images: Sequence[NDArray[np.uint8]]) -> RegisteredStation:
+    def register(self, images: Sequence[NDArray[np.uint8]]) -> RegisteredStaticCamera:
         """Find where the camera stands.
 
         Args:
             images: (height, width) grey, of different times.
 
         Raises:
-            StationError: too few of the images show enough of the map, or the camera moves; the message has what to
-                do.
+            StaticCameraError: too few of the images show enough of the map, or the camera moves; the message has what
+                to do.
         """
         if len(images) < _LEAST_IMAGES:
             raise self._error(f"{len(images)} of its images can be used, expected {_LEAST_IMAGES} or more")
@@ -204,26 +204,26 @@ class StationRegistration:
         # A landmark that is out of view from there is NaN, and so is the median.
         return bool(np.median(np.linalg.norm(there - here, axis=1)) <= _STILL_PX)
 
-    def _registered(self, fit: PoseFit, images: int, asked: int) -> RegisteredStation:
+    def _registered(self, fit: PoseFit, images: int, asked: int) -> RegisteredStaticCamera:
         landmarks, covariance = int(fit.inliers.sum()), np.full((6, 6), np.inf)
         if landmarks >= self._settings.registrar.min_inliers and np.linalg.cond(fit.information) < _DEGENERATE:
             covariance = np.asarray(np.linalg.inv(fit.information), np.float64)
         if not np.trace(covariance[3:, 3:]) < MAX_SIGMA_M**2:
             raise self._error(f"its images have {landmarks} landmarks of the map in common, too few; {_SHOW_MORE}")
-        station = Station(self._camera.name, fit.world_T_camera, self._camera)
+        station = StaticCamera(self._camera.name, fit.world_T_camera, self._camera)
         error_px = float(np.sqrt(np.mean(fit.errors_px[fit.inliers] ** 2)))
-        return RegisteredStation(station, images, asked, landmarks, error_px, covariance)
+        return RegisteredStaticCamera(station, images, asked, landmarks, error_px, covariance)
 
-    def _moves(self, views: Collection[_View], world_T_camera: Array) -> StationError:
+    def _moves(self, views: Collection[_View], world_T_camera: Array) -> StaticCameraError:
         apart = np.array([view.apart(world_T_camera) for view in views])
         turn, shift = (np.linalg.norm(part, axis=1).max() for part in np.split(apart, 2, axis=1))
         return self._error(
             f"it moves, by {1e3 * shift:.0f} mm and {np.degrees(turn):.1f} deg at least; fix it and record again, or "
-            "leave it out (--cameras) if it is worn"
+            "leave it out (--cameras) if it is on the body"
         )
 
-    def _error(self, problem: str) -> StationError:
-        return StationError(f"camera {self._camera.name}: {problem}")
+    def _error(self, problem: str) -> StaticCameraError:
+        return StaticCameraError(f"camera {self._camera.name}: {problem}")
 
 
 def _informative(views: dict[int, _View], sure: float = np.inf) -> dict[int, _View]:

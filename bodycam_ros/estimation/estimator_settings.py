@@ -11,7 +11,7 @@ OFFLINE: Final = "offline"
 
 
 @dataclass(frozen=True)
-class SmootherSettings:
+class EstimatorSettings:
     """Length of the window, and how it is solved."""
 
     output_delay: int | str = setting(
@@ -42,6 +42,6 @@ class SmootherSettings:
         """
         if self.whole_recording:
             raise SettingsError(
-                f"smoother.output_delay is '{OFFLINE}', which solves a recording as a whole once it is over; live, "
+                f"estimator.output_delay is '{OFFLINE}', which solves a recording as a whole once it is over; live, "
                 "give the number of frames (0 to 60) that a state waits for later ones"
             )

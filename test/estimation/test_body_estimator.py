@@ -34,12 +34,12 @@ def run(
 ):
     """All states of a run, by frame number."""
     rng = np.random.default_rng(seed)
-    smoother = BodyEstimator(body, cameras, settings)
+    estimator = BodyEstimator(body, cameras, settings)
     states: list[BodyState] = []
     for frame in range(frames):
         matches = {c: seen_by(body, c, frame, rng, lost(c, frame), wrong(c, frame)) for c in body.mounts}
-        states += smoother.update(BodyFrame((frame + 1) * STEP_NS, matches))
-    return {state.stamp_ns // STEP_NS - 1: state for state in states + smoother.flush()}
+        states += estimator.update(BodyFrame((frame + 1) * STEP_NS, matches))
+    return {state.stamp_ns // STEP_NS - 1: state for state in states + estimator.flush()}
 
 
 def joint_gaps(body: BodyModel, states: dict[int, BodyState]) -> np.ndarray:
@@ -95,12 +95,12 @@ def test_a_wrong_registration_does_not_bend_the_limb(body, cameras) -> None:
 
 def test_irregular_stamps_and_a_long_pause(body, cameras) -> None:
     rng = np.random.default_rng(0)
-    smoother = BodyEstimator(body, cameras)
+    estimator = BodyEstimator(body, cameras)
     states: list[BodyState] = []
     frames = (*range(0, 20), *range(21, 30, 2), *range(90, 110))
     for before, frame in zip((-1, *frames), frames, strict=False):
-        states += smoother.update(frame_after(body, before, frame, rng))
-    by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states + smoother.flush()}
+        states += estimator.update(frame_after(body, before, frame, rng))
+    by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states + estimator.flush()}
     # Every second image is missed for a while; nothing reaches across the two seconds that follow.
     assert list(by_frame) == [*range(0, 30), *range(90, 110)]
     assert [frame for frame, state in by_frame.items() if state.predicted] == [20, 22, 24, 26, 28]
@@ -109,13 +109,13 @@ def test_irregular_stamps_and_a_long_pause(body, cameras) -> None:
 
 def test_a_silence_of_all_cameras_is_bridged_and_flagged(body, cameras) -> None:
     rng = np.random.default_rng(0)
-    smoother = BodyEstimator(body, cameras)
+    estimator = BodyEstimator(body, cameras)
     frames = (*range(30), *range(45, 60))
     states: list[BodyState] = []
     for before, frame in zip((-1, *frames), frames, strict=False):
-        states += smoother.update(frame_after(body, before, frame, rng))
-    by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states + smoother.flush()}
-    assert list(by_frame) == list(range(60)) and smoother.counts.interpolated == 15
+        states += estimator.update(frame_after(body, before, frame, rng))
+    by_frame = {round(state.stamp_ns / STEP_NS) - 1: state for state in states + estimator.flush()}
+    assert list(by_frame) == list(range(60)) and estimator.counts.interpolated == 15
     silent = {frame: state for frame, state in by_frame.items() if 30 <= frame < 45}
     assert all(state.predicted and not state.observed.any() for state in silent.values())
     assert position_errors(body, silent).max() < 0.06

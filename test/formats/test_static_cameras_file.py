@@ -11,11 +11,11 @@ import yaml
 from helpers.naming import naming
 
 from bodycam_ros.camera import CameraModel, camera_from_info
-from bodycam_ros.errors import LensError, MapError, StationError
-from bodycam_ros.formats.stations_file import MARK, read_stations, write_stations
+from bodycam_ros.errors import LensError, MapError, StaticCameraError
+from bodycam_ros.formats.static_cameras_file import MARK, read_static_cameras, write_static_cameras
 from bodycam_ros.geometry import Array, exp_se3
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 K = [470.0, 0.0, 318.3, 0.0, 471.0, 240.7, 0.0, 0.0, 1.0]
 STANDS = exp_se3(np.array([0.3, -1.2, 0.8, 2.5, -0.1, 1.25]))
@@ -67,9 +67,9 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "cameras.yaml"
     cameras = [pinhole("door"), fisheye("ceiling")]
     poses = [STANDS, STANDS @ STANDS]
-    write_stations(path, [Station(c.name, T, c) for c, T in zip(cameras, poses, strict=True)])
+    write_static_cameras(path, [StaticCamera(c.name, T, c) for c, T in zip(cameras, poses, strict=True)])
     assert path.read_text().startswith(MARK)
-    read = read_stations(path)
+    read = read_static_cameras(path)
     assert list(read) == ["door", "ceiling"]
     for camera, pose in zip(cameras, poses, strict=True):
         station = read[camera.name]
@@ -82,7 +82,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("frame", ["T_board_cam", "T_map_cam"])
 def test_without_a_map_the_world_is_the_frame_of_the_file(written: Callable[[Any], Path], frame: str) -> None:
-    station = read_stations(written({"ext_00": entry(frame)}))["ext_00"]
+    station = read_static_cameras(written({"ext_00": entry(frame)}))["ext_00"]
     np.testing.assert_allclose(station.world_T_camera, STANDS, atol=1e-12)
 
 
@@ -94,9 +94,11 @@ def test_a_board_that_stands_is_not_the_frame_of_the_map(
     in_map = reference_map if axes is None else with_board(reference_map, axes)
     expected = np.eye(4)
     expected[:3, :3] = turned
-    np.testing.assert_allclose(read_stations(path, in_map)["ext_00"].world_T_camera, expected @ STANDS, atol=1e-12)
+    np.testing.assert_allclose(
+        read_static_cameras(path, in_map)["ext_00"].world_T_camera, expected @ STANDS, atol=1e-12
+    )
     path = written({"ext_00": entry("T_map_cam")})
-    np.testing.assert_allclose(read_stations(path, in_map)["ext_00"].world_T_camera, STANDS, atol=1e-12)
+    np.testing.assert_allclose(read_static_cameras(path, in_map)["ext_00"].world_T_camera, STANDS, atol=1e-12)
 
 
 def test_a_map_without_a_board_has_no_place_for_the_frame_of_one(
@@ -105,11 +107,11 @@ def test_a_map_without_a_board_has_no_place_for_the_frame_of_one(
     path = written({"ext_00": entry()})
     of_before = replace(reference_map, summary={"board_residual": None})
     for boardless in (with_board(reference_map, None), of_before):
-        with naming(StationError, path):
-            read_stations(path, boardless)
+        with naming(StaticCameraError, path):
+            read_static_cameras(path, boardless)
     for damaged in ([[1.0, 0.0], [0.0, 1.0]], np.diag([1.0, 1.0, -1.0]).tolist(), "up", [[np.nan] * 3] * 3):
         with naming(MapError, "map_R_board"):
-            read_stations(path, with_board(reference_map, damaged))
+            read_static_cameras(path, with_board(reference_map, damaged))
 
 
 SHEARED = STANDS.copy()
@@ -147,8 +149,8 @@ def test_what_is_wrong_is_said_with_file_and_camera(
     written: Callable[[Any], Path], document: Any, named: tuple[str, ...]
 ) -> None:
     path = written(document)
-    with naming(StationError, path, *named):
-        read_stations(path)
+    with naming(StaticCameraError, path, *named):
+        read_static_cameras(path)
 
 
 @pytest.mark.parametrize(
@@ -165,4 +167,4 @@ def test_a_lens_that_is_none_is_refused(
     written: Callable[[Any], Path], changes: dict[str, object], named: tuple[str, ...]
 ) -> None:
     with naming(LensError, "cameras.yaml", "ext_00", *named):
-        read_stations(written({"ext_00": entry(**changes)}))
+        read_static_cameras(written({"ext_00": entry(**changes)}))
