@@ -1,6 +1,6 @@
 """The files that an image passes on its way to a joint state, by a trace at run time: python -m benchmarks.image_path.
 
-The image is an ordinary one: its camera is found by the photographs of the map, and it completes the instant of a
+The image is an ordinary one: its camera is found by the photographs of the map, and it completes the state of a
 state. Functions of the package are noted when they are called, from the image's bytes to the state that it gives.
 """
 

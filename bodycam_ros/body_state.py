@@ -47,7 +47,7 @@ class BodyState:
         stamp_ns: its time [ns].
         segments: (S) names, in the order of ``BodyModel.segments``.
         world_T_segment: (S, 4, 4) poses [m].
-        twists: (S, 6) velocities at the instant, angular [rad/s] then linear [m/s], in the segments' axes.
+        twists: (S, 6) velocities at the state, angular [rad/s] then linear [m/s], in the segments' axes.
         uncertainty: covariances of root, velocity, joints and segments.
         observed: (S,) whether a camera on the segment was registered and accepted; else the pose follows from its
             joints, from smoothness and from the poses that the body has been seen in.
@@ -80,7 +80,7 @@ class BodyOutput:
         state: poses of all segments.
         joint_names: A names, in constant order.
         positions: (A,) joint angles [rad], as of ``JointAngleTracker``.
-        velocities: (A,) rates of the joint angles at the instant, by the twists of the state [rad/s].
+        velocities: (A,) rates of the joint angles at the state, by the twists of the state [rad/s].
     """
 
     state: BodyState

@@ -41,7 +41,7 @@ class RigError(RangeOfMotionError):
     """Cameras are on other segments than the rig says; the message names them."""
 
 
-class StationError(BodycamError):
+class StaticCameraError(BodycamError):
     """Where static cameras stand is malformed, or cannot be found out."""
 
 

@@ -26,7 +26,7 @@ from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.formats.stations_file import read_stations
+from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.sensors import camera_turns
@@ -42,11 +42,11 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.extend import extend_map
 from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate, MapUpdateSource
-from bodycam_ros.replaying.static_input import read_recorded_stations
+from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.results.verdict import Verdict
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
-from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.tracking.image_rate import ImageRateLimit
 
 __all__ = ["Body", "CameraImage", "CameraModel", "Map", "Replay", "StaticCameraFiles", "extend_map", "replay"]
@@ -91,7 +91,7 @@ class Replay(Iterator[BodyOutput]):
         self._cameras, self._equipment, self._settings, self._live = dict(cameras), equipment, settings, live
         self._imus, self._static_cameras = dict(imus), static_cameras
         self._readouts: Mapping[str, Readout | None] = body.readout_starts
-        self._stations: Mapping[str, Station] = {}
+        self._stations: Mapping[str, StaticCamera] = {}
         self._log = CameraPoseLog(coupled_body(self._body, equipment), self._cameras, settings.pose_fit.inlier_px)
         self._static_log = StaticCameraLog()
         self._skeleton: SkeletonPipeline | None = None
@@ -107,8 +107,8 @@ class Replay(Iterator[BodyOutput]):
         """Verdict on the states that were taken so far, as ``bodycam replay`` prints it; equipment is not judged."""
         bare: list[str] = []
         if self._static_cameras is not None:
-            own, worn = self._own, self._cameras
-            bare = [name for name in own.segments if not any(each in worn for each in own.cameras_on(name))]
+            own, body_cameras = self._own, self._cameras
+            bare = [name for name in own.segments if not any(each in body_cameras for each in own.cameras_on(name))]
         counts = SolverCounts() if self._skeleton is None else self._skeleton.counts
         unsolved = unsolved_findings(self._solved, counts.contradictory, counts.rejected)
         return judge(self._log.poses(), (*self._static_log.findings(bare), *unsolved))
@@ -138,17 +138,21 @@ class Replay(Iterator[BodyOutput]):
         given, files, body = self._images, self._static_cameras, self._body
         if not isinstance(given, Path | str):
             if files is not None:
-                self._stations = read_stations(files.stations, self._map)
+                self._stations = read_static_cameras(files.stations, self._map)
             return given
         recording = opened.enter_context(open_recording(Path(given)))
-        worn = [camera for camera in recording.cameras if camera in body.mounts] if self._map is not None else []
+        body_cameras = (
+            [camera for camera in recording.cameras if camera in body.mounts] if self._map is not None else []
+        )
         if files is not None:
-            self._stations = read_recorded_stations(files, self._map, recording, body)
+            self._stations = read_recorded_static_cameras(files, self._map, recording, body)
         if not self._cameras:
-            self._cameras.update({camera: recording.camera_model(camera) for camera in worn})
-        self._readouts = {camera: best_known(recording.readout(camera), self._readouts.get(camera)) for camera in worn}
-        self._imus = self._imus or read_imus([Path(given)], worn)
-        return recording.images([*worn, *self._stations])
+            self._cameras.update({camera: recording.camera_model(camera) for camera in body_cameras})
+        self._readouts = {
+            camera: best_known(recording.readout(camera), self._readouts.get(camera)) for camera in body_cameras
+        }
+        self._imus = self._imus or read_imus([Path(given)], body_cameras)
+        return recording.images([*body_cameras, *self._stations])
 
     def _measurement(self) -> ImageMeasurement | None:
         """What measures the body by static cameras, if there are any."""
@@ -165,15 +169,15 @@ class Replay(Iterator[BodyOutput]):
         )
 
     def _messages(self, images: Iterable[CameraImage]) -> Iterator[LandmarkMatches | CameraImage]:
-        """Registrations of worn cameras, which may extend the map, and images of static ones."""
+        """Registrations of body cameras, which may extend the map, and images of static ones."""
         settings, reference_map = self._settings, self._map
         fronts: Mapping[str, CameraFront] = {}
         source = replica = None
         if reference_map is not None:
-            if settings.growth.enabled:
+            if settings.extension.enabled:
                 sent: deque[MapUpdate] = deque()
-                source = MapUpdateSource(reference_map, settings.growth.capacity, sent.append)
-                replica = MapReplica(reference_map, settings.growth.capacity, sent.popleft)
+                source = MapUpdateSource(reference_map, settings.extension.capacity, sent.append)
+                replica = MapReplica(reference_map, settings.extension.capacity, sent.popleft)
             fronts = camera_fronts(
                 {camera: model for camera, model in self._cameras.items() if camera in self._body.mounts},
                 reference_map,
@@ -223,7 +227,7 @@ def replay(
         images: a ros2 bag folder or .mcap file, or images in order of their stamps.
         reference_map: metric; None with static cameras alone.
         body: which has been calibrated.
-        cameras: models of worn cameras by name; of a bag its own.
+        cameras: models of body cameras by name; of a bag its own.
         equipment: what the body rides, holds or stands on.
         settings: of all stages.
         live: states follow by ``estimator.output_delay`` frames alone, and may be as much less accurate.
@@ -233,7 +237,7 @@ def replay(
     Raises:
         RecordingError: there is no recording, or an image cannot be decoded; with the first state.
         BodyError: the body carries none of the cameras that have models; with the first state.
-        StationError: the static cameras cannot be used; with the first state.
+        StaticCameraError: the static cameras cannot be used; with the first state.
     """
     return Replay(
         images,

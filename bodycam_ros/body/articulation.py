@@ -179,7 +179,7 @@ class ArticulatedMotion:
         return axis if axis[1] >= 0 else -axis
 
     def exercised(self, child: str) -> Array:
-        """(3,) extents of a joint's rotation about its principal axes [rad], the middle 99 % of the instants."""
+        """(3,) extents of a joint's rotation about its principal axes [rad], the middle 99 % of the states."""
         R = self.joint_rotations(child)
         turns = log_so3(nearest_rotation(R.mean(axis=0)).T @ R)
         _, _, axes = np.linalg.svd(turns - turns.mean(axis=0), full_matrices=False)

@@ -15,8 +15,8 @@ from bodycam_ros.formats.calibration_files import TOML_MARK
 from bodycam_ros.formats.static_cameras_file import MARK, is_calibration, read_static_cameras, write_static_cameras
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.reference_map import load_map
-from bodycam_ros.replaying.static_input import UnplacedCamera, place_stations
-from bodycam_ros.static_cameras.station_registration import RegisteredStation, StationsSettings
+from bodycam_ros.replaying.static_input import UnplacedCamera, place_static_cameras
+from bodycam_ros.static_cameras.static_camera_registration import RegisteredStaticCamera, StaticCamerasSettings
 
 _COLUMNS = (
     ("images", "images", "d"), ("of", "asked", "d"), ("landmarks", "landmarks", "d"), ("error [px]", "error_px", ".2f"),

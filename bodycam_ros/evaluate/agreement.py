@@ -170,7 +170,7 @@ class Agreement:
         return AgreementFigures(
             other=self.name,
             format=self.kind,
-            instants=len(self.stamps_ns),
+            states=len(self.stamps_ns),
             align="similarity" if self.with_scale else "rigid",
             scale=self.scale,
             unit_m=self.unit_m,

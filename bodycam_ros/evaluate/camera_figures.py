@@ -178,7 +178,7 @@ def _reprojection_errors(
     return {camera: np.concatenate(values) for camera, values in errors.items()}
 
 
-def station_figures(record: StationRecord) -> StationFigures:
+def static_camera_figures(record: StaticCameraRecord) -> StationFigures:
     """Figures of a static camera."""
     return StationFigures(
         images=len(record.stamps_ns),

@@ -120,7 +120,7 @@ def evaluate(
     figures = EvaluationFigures(
         duration_s=solved.duration_s,
         frame_s=1e-9 * solved.frame_ns,
-        instants=len(solved.stamps_ns),
+        states=len(solved.stamps_ns),
         instants_without_camera=int(blind.sum()),
         image_coverage=camera_figures.image_coverage(solved),
         verdict=VerdictFigures(verdict.level.word, verdict.text, [*map(finding_record, verdict.findings)]),
@@ -132,7 +132,7 @@ def evaluate(
         joint_ranges_deg=camera_figures.angle_ranges_deg(solved),
         cameras=cameras,
         sensors=camera_figures.sensor_figures(sensors, gyroscopes) or None,
-        stations={record.station: camera_figures.station_figures(record) for record in solved.stations} or None,
+        stations={record.station: camera_figures.static_camera_figures(record) for record in solved.stations} or None,
         equipment=equipment_figures(solved.equipment, solved.start_ns) if solved.equipment else None,
         truth=comparison.figures() if comparison else None,
         same_motion=SameMotion(same_motion.likeness, same_motion.chance) if same_motion else None,

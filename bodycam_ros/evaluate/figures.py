@@ -224,7 +224,7 @@ class AgreementFigures(msgspec.Struct, frozen=True, rename={"other": "with"}):
 
     other: str
     format: str
-    instants: int
+    states: int
     align: str
     scale: float
     unit_m: float | None
@@ -306,7 +306,7 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
 
     duration_s: float
     frame_s: float
-    instants: int
+    states: int
     instants_without_camera: int
     image_coverage: float
     verdict: VerdictFigures

@@ -56,7 +56,7 @@ def report_lines(evaluation: Evaluation) -> list[str]:
     """What is not in tables, in sentences."""
     figures = evaluation.figures
     lines = [
-        f"{figures.instants} frames in {figures.duration_s:.2f} s, {figures.image_coverage:.1%} of the images "
+        f"{figures.states} frames in {figures.duration_s:.2f} s, {figures.image_coverage:.1%} of the images "
         f"covered; {figures.instants_without_camera} frames without any camera"
     ]
     lines += evaluation.made_from.lines

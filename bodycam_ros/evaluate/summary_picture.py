@@ -130,9 +130,11 @@ def _camera_figures(figures: EvaluationFigures) -> list[tuple[str, str]]:
         observed = np.average([station.seen for station in stations], weights=images)
         segments = np.average([station.segments for station in stations], weights=images)
         return [(f"{observed:.1%}", "body observed"), (f"{segments:.1f}", "segments per image")]
-    worn = [*figures.cameras.values()]
-    registered = np.average([camera.registered for camera in worn], weights=[camera.images for camera in worn])
-    counts = [camera.landmarks for camera in worn if not np.isnan(camera.landmarks)]  # unknown in a slim bag
+    body_cameras = [*figures.cameras.values()]
+    registered = np.average(
+        [camera.registered for camera in body_cameras], weights=[camera.images for camera in body_cameras]
+    )
+    counts = [camera.landmarks for camera in body_cameras if not np.isnan(camera.landmarks)]  # unknown in a slim bag
     landmarks = [(f"{np.mean(counts):.0f}", "landmarks per image")] if counts else []
     return [(f"{registered:.1%}", "cameras registered"), *landmarks]
 

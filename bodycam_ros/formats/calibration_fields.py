@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from bodycam_ros.camera.camera_image import read_image_file
-from bodycam_ros.errors import RecordingError, StationError
+from bodycam_ros.errors import RecordingError, StaticCameraError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.geometry import Array, nearest_rotation
 
@@ -20,13 +20,13 @@ def rotation_of(value: Any, where: str, tolerance: float) -> Array:
     """The rotation (3, 3) of nine numbers, whose columns may be off by a tolerance.
 
     Raises:
-        StationError: it is none.
+        StaticCameraError: it is none.
     """
     R = numbers_of_shape(value, (3, 3), where)
     off = float(np.abs(R.T @ R - np.eye(3)).max())
     if off > tolerance or np.linalg.det(R) < 0.0:
         what = "it mirrors" if off <= tolerance else f"its columns are off by {off:.2g}"
-        raise StationError(f"{where}: expected a rotation, three orthogonal axes of length 1; {what}")
+        raise StaticCameraError(f"{where}: expected a rotation, three orthogonal axes of length 1; {what}")
     return nearest_rotation(R)
 
 
@@ -34,7 +34,7 @@ def numbers_of_shape(value: Any, shape: Sequence[int], where: str) -> Array:
     """Finite numbers of a shape.
 
     Raises:
-        StationError: they are missing, or something else.
+        StaticCameraError: they are missing, or something else.
     """
     try:
         numbers = np.array(value, np.float64).reshape(shape)
@@ -42,7 +42,7 @@ def numbers_of_shape(value: Any, shape: Sequence[int], where: str) -> Array:
         numbers = np.full(1, np.nan)
     if not np.isfinite(numbers).all():
         expected = " x ".join(map(str, shape)) if tuple(shape) != (-1,) else "some"
-        raise StationError(f"{where}: expected {expected} numbers, not {shown(value)}")
+        raise StaticCameraError(f"{where}: expected {expected} numbers, not {shown(value)}")
     return numbers
 
 

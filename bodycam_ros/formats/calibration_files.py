@@ -33,7 +33,7 @@ from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.formats.calibration_fields import numbers_of_shape, rotation_of, size_of_images
 from bodycam_ros.formats.kalibr import MARKS, kalibr_cameras, read_kalibr
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, rigid
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 logger = logging.getLogger(__name__)
 
@@ -80,28 +80,28 @@ def read_calibration(path: Path) -> dict[str, StaticCamera]:
     return {station.name: replace(station, world_T_camera=pose) for station, pose in zip(stations, poses, strict=True)}
 
 
-_Camera = tuple[str, Callable[[], Station]]
-"""A camera's name, and what makes its station, or raises StationError or LensError."""
+_Camera = tuple[str, Callable[[], StaticCamera]]
+"""A camera's name, and what makes its station, or raises StaticCameraError or LensError."""
 
 
-def _usable(path: Path, cameras: Sequence[_Camera]) -> list[Station]:
+def _usable(path: Path, cameras: Sequence[_Camera]) -> list[StaticCamera]:
     """The stations that can be used; a warning names the others.
 
     Raises:
-        StationError, LensError: there is none.
+        StaticCameraError, LensError: there is none.
     """
-    stations, faults, left_out = list[Station](), list[StationError | LensError](), list[str]()
+    stations, faults, left_out = list[StaticCamera](), list[StaticCameraError | LensError](), list[str]()
     for name, make in cameras:
         try:
             stations.append(make())
-        except (StationError, LensError) as error:
+        except (StaticCameraError, LensError) as error:
             faults.append(error if str(path) in str(error) else type(error)(f"{path}: {error}"))
             left_out.append(name)
     if not stations:
         raise (
             faults[0]
             if faults
-            else StationError(
+            else StaticCameraError(
                 f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each"
             )
         )
@@ -110,7 +110,7 @@ def _usable(path: Path, cameras: Sequence[_Camera]) -> list[Station]:
     return stations
 
 
-def toml_text(stations: Iterable[Station]) -> str:
+def toml_text(stations: Iterable[StaticCamera]) -> str:
     """A calibration in TOML as anipose, Pose2Sim, FreeMoCap and Caliscope read it, in metres.
 
     Raises:
@@ -155,13 +155,13 @@ def _read_toml(path: Path, content: bytes) -> tuple[list[_Camera], str]:
     return cameras, unit
 
 
-def _toml_station(path: Path, name: str, table: Mapping[str, Any]) -> Station:
+def _toml_station(path: Path, name: str, table: Mapping[str, Any]) -> StaticCamera:
     where = f"{path}: camera {name}"
     D = numbers_of_shape(table.get("distortions", [0.0] * 4), (-1,), f"{where}: distortions")
     pose, size = (table.get("rotation"), table.get("translation")), table.get("size") or size_of_images(path, name)
     numbers_of_shape(table["matrix"], (3, 3), f"{where}: matrix")
     if any(value in (None, "null", ["null"]) for value in pose):
-        raise StationError(f"{where}: has no rotation and translation; its program could not place it")
+        raise StaticCameraError(f"{where}: has no rotation and translation; its program could not place it")
     return _station(where, name, size, table["matrix"], D, *pose, bool(table.get("fisheye", False)))
 
 
@@ -179,7 +179,7 @@ def _read_qualisys(path: Path, content: bytes) -> Iterator[_Camera]:
         yield element.get("serial", ""), partial(_qualisys_station, path, element)
 
 
-def _qualisys_station(path: Path, element: ElementTree.Element) -> Station:
+def _qualisys_station(path: Path, element: ElementTree.Element) -> StaticCamera:
     name = element.get("serial", "")
     where = f"{path}: camera {name}"
 
@@ -188,14 +188,14 @@ def _qualisys_station(path: Path, element: ElementTree.Element) -> Station:
         try:
             return float("" if found is None else found.get(key, ""))
         except ValueError as error:
-            raise StationError(f"{where}: {part} lacks {key}; expected a number") from error
+            raise StaticCameraError(f"{where}: {part} lacks {key}; expected a number") from error
 
     try:
         is_rotated = float(element.get("viewrotation", "0")) % 360.0 != 0.0
     except ValueError as error:
-        raise StationError(f"{where}: viewrotation is no number") from error
+        raise StaticCameraError(f"{where}: viewrotation is no number") from error
     if is_rotated:
-        raise StationError(f"{where}: its view is rotated in Qualisys; export the calibration without rotation")
+        raise StaticCameraError(f"{where}: its view is rotated in Qualisys; export the calibration without rotation")
     width, height = (field("fov_video", high) - field("fov_video", low) + 1.0 for low, high in _FIELDS_OF_VIEW)
     fx, fy, cx, cy, k1, k2, p1, p2 = (_QUALISYS_PIXEL * field("intrinsic", key) for key in _INTRINSICS)
     cx, cy = cx - field("fov_video", "left"), cy - field("fov_video", "top")
@@ -221,7 +221,7 @@ def _read_yaml(path: Path, content: bytes) -> tuple[list[_Camera], str]:
         try:
             text = content.decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise StationError(f"{path}: is not UTF-8") from error
+            raise StaticCameraError(f"{path}: is not UTF-8") from error
         if tables := kalibr_cameras(path, text):
             return list(read_kalibr(path, tables)), "m"
     return list(_read_opencv(path)), ""
@@ -237,7 +237,7 @@ def _read_opencv(path: Path) -> Iterator[_Camera]:
             values |= _opencv_values(file)
     names = [key.removeprefix("K_") for key in values if key.startswith("K_")]
     if not names:
-        raise StationError(
+        raise StaticCameraError(
             f"{path}: has no K_NAME; expected K_, dist_, Rot_ (or R_), T_, W_ and H_ of each camera, as of EasyMocap, "
             "or a camchain of Kalibr; a lens alone (camera_info) does not say where a camera stands"
         )
@@ -245,13 +245,13 @@ def _read_opencv(path: Path) -> Iterator[_Camera]:
         yield name, partial(_opencv_station, path, name, values)
 
 
-def _opencv_station(path: Path, name: str, values: Mapping[str, Any]) -> Station:
+def _opencv_station(path: Path, name: str, values: Mapping[str, Any]) -> StaticCamera:
     where = f"{path}: camera {name}"
     rotation = values.get(f"Rot_{name}", values.get(f"R_{name}"))
     D = numbers_of_shape(np.ravel(values.get(f"dist_{name}", values.get(f"D_{name}", np.zeros(4)))), (-1,), where)
     size: list[Any] | None = [values.get(f"W_{name}"), values.get(f"H_{name}")]
     if None in (size or ()) and (size := size_of_images(path, name)) is None:
-        raise StationError(
+        raise StaticCameraError(
             f"{where}: has no size; expected W_{name} and H_{name} [px], or its images in images/{name}, or its video "
             f"videos/{name}.mp4, beside the file"
         )
@@ -264,7 +264,7 @@ def _opencv_values(path: Path) -> dict[str, Any]:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
         nodes = {key: storage.root().getNode(key) for key in storage.root().keys()}
     except (cv2.error, SystemError) as error:
-        raise StationError(f"{path}: cannot be read as YAML of OpenCV") from error
+        raise StaticCameraError(f"{path}: cannot be read as YAML of OpenCV") from error
     values = {key: _opencv_value(node) for key, node in nodes.items()}
     storage.release()
     return values
@@ -294,4 +294,4 @@ def _station(
     model, least = ("equidistant", 4) if fisheye else ("plumb_bob", 5) if len(D) <= 5 else ("rational_polynomial", 8)
     D = np.concatenate([D, np.zeros(max(0, least - len(D)))])[: 4 if fisheye else None]
     camera: CameraModel = camera_from_info(name, round(size[0]), round(size[1]), model, D.tolist(), K.ravel().tolist())
-    return Station(name, inverse(rigid(R, t)), camera)
+    return StaticCamera(name, inverse(rigid(R, t)), camera)

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.errors import StationError
+from bodycam_ros.errors import StaticCameraError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import yaml_document
 from bodycam_ros.formats.calibration_fields import numbers_of_shape, rotation_of
 from bodycam_ros.geometry import Array, inverse, rigid
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 MARKS = ("camera_model", "intrinsics")
 """Fields that a camera of Kalibr has, and no other program's."""
@@ -34,23 +34,25 @@ def kalibr_cameras(path: Path, text: str) -> dict[str, Mapping[str, Any]]:
     """The tables of the cameras of a camchain; none where the text is another file's.
 
     Raises:
-        StationError: it is no YAML.
+        StaticCameraError: it is no YAML.
     """
     lines = text.splitlines()
     if lines and lines[0].startswith("%YAML"):
         lines[0] = ""  # OpenCV's "%YAML:1.0", which YAML has not
     try:
-        document = yaml_document("\n".join(lines), "calibration of cameras", StationError)
-    except StationError as error:
-        raise StationError(f"{path}: {error}") from error
+        document = yaml_document("\n".join(lines), "calibration of cameras", StaticCameraError)
+    except StaticCameraError as error:
+        raise StaticCameraError(f"{path}: {error}") from error
     if not isinstance(document, Mapping):
         return {}
     tables = {str(key): table for key, table in document.items() if isinstance(table, Mapping)}
     return {name: table for name, table in tables.items() if all(mark in table for mark in MARKS)}
 
 
-def read_kalibr(path: Path, cameras: Mapping[str, Mapping[str, Any]]) -> Iterator[tuple[str, Callable[[], Station]]]:
-    """Each camera's name, and what makes its station in the frame of the file [m], or raises StationError."""
+def read_kalibr(
+    path: Path, cameras: Mapping[str, Mapping[str, Any]]
+) -> Iterator[tuple[str, Callable[[], StaticCamera]]]:
+    """Each camera's name, and what makes its station in the frame of the file [m], or raises StaticCameraError."""
     has_sensor = any("T_cam_imu" in table or "T_imu_cam" in table for table in cameras.values())
     before: Array | str = "has no camera before it" if has_sensor else np.eye(4)
     for name, table in cameras.items():
@@ -58,7 +60,7 @@ def read_kalibr(path: Path, cameras: Mapping[str, Mapping[str, Any]]) -> Iterato
         pose: Array | str
         try:
             pose = _world_T_camera(table, where, before)
-        except StationError as error:
+        except StaticCameraError as error:
             pose = str(error)
         yield name, partial(_station, name, table, where, pose)
         before = pose
@@ -71,10 +73,10 @@ def _world_T_camera(table: Mapping[str, Any], where: str, before: Array | str) -
         return _pose(table["T_imu_cam"], f"{where}: T_imu_cam")
     if "T_cn_cnm1" in table:
         if isinstance(before, str):
-            raise StationError(f"{where}: T_cn_cnm1 is from the camera before it, which cannot be used: {before}")
+            raise StaticCameraError(f"{where}: T_cn_cnm1 is from the camera before it, which cannot be used: {before}")
         return before @ inverse(_pose(table["T_cn_cnm1"], f"{where}: T_cn_cnm1"))
     if isinstance(before, str) or not np.array_equal(before, np.eye(4)):
-        raise StationError(f"{where}: has no pose; expected T_cam_imu, T_imu_cam or T_cn_cnm1")
+        raise StaticCameraError(f"{where}: has no pose; expected T_cam_imu, T_imu_cam or T_cn_cnm1")
     return before  # the first of a chain without a sensor
 
 
@@ -83,12 +85,12 @@ def _pose(value: Any, where: str) -> Array:
     return rigid(rotation_of(T[:3, :3], where, _ROTATES), T[:3, 3])
 
 
-def _station(name: str, table: Mapping[str, Any], where: str, world_T_camera: Array | str) -> Station:
+def _station(name: str, table: Mapping[str, Any], where: str, world_T_camera: Array | str) -> StaticCamera:
     if isinstance(world_T_camera, str):
-        raise StationError(world_T_camera)
+        raise StaticCameraError(world_T_camera)
     kind, distortion = str(table["camera_model"]), str(table.get("distortion_model", "")).lower()
     if kind != "pinhole" or distortion not in _MODELS:
-        raise StationError(
+        raise StaticCameraError(
             f"{where}: camera_model {shown(kind)} with distortion_model {shown(distortion)} is not supported; "
             f"calibrate it as pinhole with radtan or equi"
         )
@@ -98,4 +100,4 @@ def _station(name: str, table: Mapping[str, Any], where: str, world_T_camera: Ar
     width, height = numbers_of_shape(table.get("resolution"), (2,), f"{where}: resolution").tolist()
     K = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
     camera = camera_from_info(name, round(width), round(height), model, D.tolist(), K)
-    return Station(name, world_T_camera, camera)
+    return StaticCamera(name, world_T_camera, camera)

@@ -19,13 +19,13 @@ from bodycam_ros.formats.motive import is_motive, read_motive
 from bodycam_ros.formats.mvnx import read_mvnx
 from bodycam_ros.formats.qualisys_tsv import read_qualisys
 from bodycam_ros.formats.start_points import place_points, place_world_points
-from bodycam_ros.formats.stations_file import world_T_file
+from bodycam_ros.formats.static_cameras_file import world_T_file
 from bodycam_ros.formats.storage import read_storage
 from bodycam_ros.formats.trc import read_trc
 from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.start_file import PlacedBody, placed_body
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.triangulated_joints import triangulate_person
 
 logger = logging.getLogger(__name__)
@@ -116,7 +116,7 @@ def read_start(start: Path, file: Path, stations: Mapping[str, StaticCamera], bo
     return PlacedBody(place_points(start, points, body, stations.values()), np.zeros(len(body.segments), bool))
 
 
-def _triangulated(folder: Path, stations: Mapping[str, Station]) -> dict[str, Array]:
+def _triangulated(folder: Path, stations: Mapping[str, StaticCamera]) -> dict[str, Array]:
     """Joint -> its place (1, 3) in the world, by the keypoints of the first images.
 
     Raises:

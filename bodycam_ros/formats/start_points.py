@@ -20,7 +20,7 @@ from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_point
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
 from bodycam_ros.static_cameras.limb_search import with_usual_limits
 from bodycam_ros.static_cameras.start_file import PlacedBody
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 logger = logging.getLogger(__name__)
 

@@ -19,9 +19,9 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.diagnostics.camera_diagnostics import verdict_status
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages, LostMessages
 from bodycam_ros.diagnostics.solver_diagnostics import SolverDiagnostics, equipment_status
-from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.errors import BodyError, StaticCameraError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
-from bodycam_ros.formats.stations_file import read_stations
+from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.graph.map_agreement import MapAgreement
 from bodycam_ros.graph.node_parameters import SolverParameters
 from bodycam_ros.messages.diagnostics import Status
@@ -34,8 +34,8 @@ from bodycam_ros.registration.map_identity import map_identity
 from bodycam_ros.registration.reference_map import ReferenceMap, load_map
 from bodycam_ros.results.verdict import Verdict
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
-from bodycam_ros.static_cameras.station import Station
 from bodycam_ros.timing.clock_state import ClockHistory
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class SolverSession:
     ) -> None:
         self.given, self.settings = given, settings
         self._outputs, self._dropped = outputs, dropped
-        settings.smoother.check_live()
+        settings.estimator.check_live()
         equipment = read_equipment(given.equipment) if given.equipment else None
         self.has_equipment = equipment is not None
         reference_map, self.stations = _read_static_cameras(given)
@@ -107,7 +107,7 @@ class SolverSession:
 
             self.calibration = live_calibration.LiveCalibration(given, equipment)
         self.cameras = self._read_body() if self.calibration is None else self.calibration.cameras
-        self._diagnostics = SolverDiagnostics(dropped, given.worn)
+        self._diagnostics = SolverDiagnostics(dropped, given.body_cameras)
 
     @property
     def clocks(self) -> Mapping[str, ClockHistory]:
@@ -242,7 +242,7 @@ class SolverSession:
         """
         path, asked = Path(self.given.body), self.given.cameras
         cameras = tuple(self._use_person(read_body(path)).mounts)
-        if not self.given.worn:
+        if not self.given.body_cameras:
             return ()
         if not cameras or not {*asked} <= {*cameras}:
             unknown = ", ".join(camera for camera in asked if camera not in cameras)
@@ -299,28 +299,28 @@ class SolverSession:
             self._diagnostics.add_state(output.state)
 
 
-def _read_static_cameras(parameters: SolverParameters) -> tuple[ReferenceMap | None, dict[str, Station]]:
+def _read_static_cameras(parameters: SolverParameters) -> tuple[ReferenceMap | None, dict[str, StaticCamera]]:
     """The map whose frame is the world, and static cameras in it; none without ``stations``.
 
     Raises:
-        StationError, LensError, MapError: a file cannot be used, a body is to be calibrated, there is no initial
+        StaticCameraError, LensError, MapError: a file cannot be used, a body is to be calibrated, there is no initial
             estimate of the body, or a parameter of static cameras is given without any.
     """
-    stations, start, worn = parameters.stations, parameters.start, parameters.worn
+    stations, start, body_cameras = parameters.stations, parameters.start, parameters.body_cameras
     if not stations:
-        if start or not worn:
-            given = f"start {start}" if start else "worn false"
-            raise StationError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
+        if start or not body_cameras:
+            given = f"start {start}" if start else "body_cameras false"
+            raise StaticCameraError(f"{given}: is for static cameras; give their file as the parameter 'stations'")
         return None, {}
     if parameters.rig:
-        raise StationError(
+        raise StaticCameraError(
             f"{stations}: static cameras are not used in a range of motion; make the body first, then start again "
             "with 'stations' and without 'rig'"
         )
-    if not worn and not start:
-        raise StationError(
+    if not body_cameras and not start:
+        raise StaticCameraError(
             f"{stations}: static cameras alone need an initial estimate of the body; place it by hand in a "
             "recording with 'bodycam view --place', and give that as the parameter 'start'"
         )
     reference_map = load_map(Path(parameters.map)) if parameters.map else None
-    return reference_map, read_stations(Path(stations), reference_map)
+    return reference_map, read_static_cameras(Path(stations), reference_map)

@@ -74,7 +74,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._mapper = LiveMapper(self.map, extension, self._request_keyframe, defer, self.log.error)
         if of.grown_map:
             # Each registration grows a map of its own; several may have the same parameters.
-            self._growth.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
+            self._mapper.keep_in(Path(of.grown_map, node.get_fully_qualified_name().strip("/")), map_path)
         self.fronts: dict[str, CameraFront] = {}
         self._readouts: defaultdict[str, dict[str, Readout]] = defaultdict(dict)
         self._described: set[str] = set()
@@ -131,8 +131,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
     def _restart_camera(self, camera: str) -> None:
         """Forget the tracks of a camera."""
         readout, model = best_known(*self._readouts[camera].values()), self._cameras.models[camera]
-        self.fronts[camera] = CameraFront(model, self._growth.map, self.settings, readout)
-        self._growth.start_camera(camera, model)
+        self.fronts[camera] = CameraFront(model, self._mapper.map, self.settings, readout)
+        self._mapper.start_camera(camera, model)
         self._described.discard(camera)
 
     def _reset(self) -> str:
@@ -224,14 +224,14 @@ class RegistrationStage(Stage[RegistrationParameters]):
             matches = unregistered(frame)
         else:
             matches = self.fronts[camera].register(frame)
-            self._growth.add_image(frame, matches)
+            self._mapper.add_image(frame, matches)
         self._diagnostics.add(matches)
-        return replace(matches, map_identity=str(self._growth.identity), tracks_map_identity=frame.map_identity)
+        return replace(matches, map_identity=str(self._mapper.identity), tracks_map_identity=frame.map_identity)
 
     def _is_of_other_map(self, frame: TrackFrame) -> bool:
         """Whether tracks are those of another map, so that they must not be used."""
         camera, other = frame.camera, MapIdentity.parse(frame.map_identity)
-        if not self._growth.identity.contradicts(other):
+        if not self._mapper.identity.contradicts(other):
             self._other_maps.pop(camera, None)
             return False
         if self._other_maps.get(camera) != other:
@@ -243,7 +243,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def _other_map(self, other: MapIdentity) -> str:
         return (
-            f"its tracker uses map {other}, this registration {self._map_path} ({self._growth.identity}): its tracks "
+            f"its tracker uses map {other}, this registration {self._map_path} ({self._mapper.identity}): its tracks "
             "are refused; start both with the same map:=MAP"
         )
 
@@ -260,7 +260,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             "cameras rejected": ", ".join(sorted(cameras.rejected)) or "none",
             "cameras without camera_info": ", ".join(missing) or "none",
             "camera_info changed": cameras.changes,
-            "map": f"{self._map_path} ({self._growth.identity})",
+            "map": f"{self._map_path} ({self._mapper.identity})",
             "landmarks in the map": len(self.map.landmark_ids),
             **self.dropped.values,
         }
@@ -279,7 +279,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             level, text = StatusLevel.OK, "registering"
         else:
             level, text = StatusLevel.ERROR, "no tracks arrive"
-        return [Status("all cameras", level, text, values), self._growth.report(), *self._diagnostics.report()]
+        return [Status("all cameras", level, text, values), self._mapper.report(), *self._diagnostics.report()]
 
 
 def _readout_by_source(message: Message) -> tuple[str, Readout | None]:

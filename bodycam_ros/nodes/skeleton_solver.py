@@ -52,7 +52,7 @@ class SolverStage(Stage[SolverParameters]):
         self._static = {station: StaticCameraDiagnostics() for station in session.stations}
         self._timings = CameraTimings(self, session.cameras)
         self._is_described = False
-        self._started: Instant | None = None
+        self._started: ClockTimes | None = None
         for camera in session.cameras:
             registered = LANDMARKS_TYPE, f"{camera}/landmarks", self._add_landmarks, reliable(STAGE_DEPTH)
             self.subscription(*registered, partial(landmark_matches, camera=camera), "registrations dropped")

@@ -117,7 +117,7 @@ class SkeletonPipeline:
         latest_ns = self.inertial.add_sample(camera, stamp_ns, reading)
         if latest_ns is None or not self._live:
             return []
-        due_ns = self.arrivals.add_sample(latest_ns, self._smoother.period_ns)
+        due_ns = self.arrivals.add_sample(latest_ns, self._estimator.period_ns)
         return [] if due_ns is None else self._carry(due_ns)
 
     def add_image(self, stamp_ns: int) -> None:
@@ -134,13 +134,13 @@ class SkeletonPipeline:
 
     def flush(self) -> list[BodyOutput]:
         """What is left when the recording is over."""
-        return self._solve(self.arrivals.flush()) + self._outputs(self._smoother.flush())
+        return self._solve(self.arrivals.flush()) + self._outputs(self._estimator.flush())
 
     def _solve(self, frames: Iterable[BodyFrame]) -> list[BodyOutput]:
         outputs = []
         for frame in frames:
             if frame.is_earlier:
-                outputs += self._outputs(self._smoother.flush())
+                outputs += self._outputs(self._estimator.flush())
                 self._counts = self.counts
                 self._begin()
             self._solved_ns = frame.stamp_ns
@@ -150,10 +150,10 @@ class SkeletonPipeline:
 
     def _carry(self, due_ns: float) -> list[BodyOutput]:
         """States without images up to a time [ns], as far as inertial sensors carry the body."""
-        period_ns = round(self._smoother.period_ns)
+        period_ns = round(self._estimator.period_ns)
         outputs = self._solve(self.arrivals.flush())
         due_ns = min(due_ns, self.arrivals.latest_message_ns + 1e9 * CARRIED_S)
-        while self._smoother.has_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
+        while self._estimator.has_states and (stamp_ns := self._solved_ns + period_ns) <= due_ns:
             if not self.inertial.carry(self._solved_ns, stamp_ns):
                 break
             outputs += self._solve([self.arrivals.frame_without_images(stamp_ns)])

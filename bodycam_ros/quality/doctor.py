@@ -33,7 +33,7 @@ from bodycam_ros.quality.sampled_recording import (
     sample_bag,
     sample_videos,
     sampled_part,
-    spread_instants,
+    spread_times,
 )
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.bag_file import is_bag
@@ -100,13 +100,13 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     def sample_times(duration_s: float) -> Array:
         opening = [second for second in OPENING_S if is_exercise and second < duration_s]
         length_s = max(min(given.span.to_s, duration_s) - given.span.from_s, 0.0)
-        return given.span.from_s + np.sort(np.concatenate([opening, spread_instants(length_s, count)]))
+        return given.span.from_s + np.sort(np.concatenate([opening, spread_times(length_s, count)]))
 
     with progress.step("reading", count + is_exercise * len(OPENING_S)) as advance:
         if given.is_bag:
-            recording = sample_bag(given.recording, instants, advance, given.names)
+            recording = sample_bag(given.recording, sample_times, advance, given.names)
         else:
-            recording = sample_videos(given.recording, given.lenses, instants, advance)
+            recording = sample_videos(given.recording, given.lenses, sample_times, advance)
     recording = sampled_part(recording, given.span)
     is_exercise = is_exercise and recording.is_simultaneous
     findings = [

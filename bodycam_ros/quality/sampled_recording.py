@@ -121,7 +121,7 @@ def sampled_part(recording: SampledRecording, span: TimeSpan) -> SampledRecordin
     cameras = []
     for camera in recording.cameras:
         rows = (camera.recorded_s >= span.from_s) & (camera.recorded_s < end_s)
-        images = {n: grey for n, grey in camera.images.items() if span.from_s <= recording.instants_s[n] < end_s}
+        images = {n: grey for n, grey in camera.images.items() if span.from_s <= recording.times_s[n] < end_s}
         stamps_s, recorded_s = camera.stamps_s[rows] - span.from_s, camera.recorded_s[rows] - span.from_s
         cameras.append(replace(camera, stamps_s=stamps_s, recorded_s=recorded_s, images=images))
     if not any(len(camera.stamps_s) for camera in cameras):
@@ -134,14 +134,14 @@ _NEAR_INTERVALS = 1.5  # between a camera's images, by which the image of a samp
 
 
 def sample_bag(
-    path: Path, instants: Instants, on_instant: Callable[[], None], names: TopicNames = AS_RECORDED
+    path: Path, sample_times: SampleTimes, on_sample: Callable[[], None], names: TopicNames = AS_RECORDED
 ) -> SampledRecording:
     """Sample a bag.
 
     Args:
         path: ros2 bag folder or .mcap file.
-        instants: times to sample.
-        on_instant: called after each.
+        sample_times: times to sample.
+        on_sample: called after each.
         names: of its topics.
 
     Raises:
@@ -166,12 +166,12 @@ def sample_bag(
                 add(camera, number, image)
         if videos:
             # All that other cameras need is as many.
-            instants_s = spread_instants(recording.duration_s, 2 * _KEYFRAMES)
-        for number, seconds in enumerate(instants_s.tolist()):
+            times_s = spread_times(recording.duration_s, 2 * _KEYFRAMES)
+        for number, seconds in enumerate(times_s.tolist()):
             rows = _rows_at(stills, recording.start_ns + round(1e9 * seconds))
             for camera, image in (recording.images_at(rows) if rows else {}).items():
                 add(camera, number, image)
-            on_instant()
+            on_sample()
         cameras = []
         for camera in recording.cameras:
             lens, lens_fault = _lens_or_fault(partial(recording.camera_model, camera))
@@ -182,7 +182,7 @@ def sample_bag(
                 SampledCamera(camera, lens, lens_fault, stamps_s, recorded_s, images[camera], fault, missing)
             )
         return SampledRecording(
-            tuple(cameras), recording.duration_s, instants_s, is_synchronous=True, is_simultaneous=not videos
+            tuple(cameras), recording.duration_s, times_s, is_synchronous=True, is_simultaneous=not videos
         )
 
 

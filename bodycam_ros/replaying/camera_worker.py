@@ -216,8 +216,8 @@ def register_images(
 ) -> Iterator[Result | AwaitedUpdate]:
     """Register the images of some cameras in the order in which they were recorded."""
     reference_map = ReferenceMap.load(task.map_path)
-    growth = task.settings.growth
-    replica = MapReplica(reference_map, growth.capacity, inbox.get) if growth.enabled else None
+    extension = task.settings.extension
+    replica = MapReplica(reference_map, extension.capacity, inbox.get) if extension.enabled else None
     with open_recording(task.recording_path, task.names) as recording:
         fronts = camera_fronts(
             {camera: recording.camera_model(camera) for camera in cameras},

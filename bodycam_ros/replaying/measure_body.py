@@ -25,7 +25,7 @@ from bodycam_ros.registration.reference_map import load_map
 from bodycam_ros.replaying.camera_worker import RegistrationTask
 from bodycam_ros.replaying.front_end import registered_images
 from bodycam_ros.replaying.recorded_part import WHOLE, window_with_images
-from bodycam_ros.replaying.static_input import read_recorded_stations
+from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import MAP, map_record
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
@@ -74,12 +74,12 @@ def measure_body(
     body = replace(with_hands(body), surface=None)
     reference_map = None if map_path is None else load_map(map_path)
     with open_recording(recording_path, names) as recording:
-        stations = read_recorded_stations(given, reference_map, recording, body)
+        stations = read_recorded_static_cameras(given, reference_map, recording, body)
         measurement = BodyMeasurement(
             body,
             stations,
             lambda: _frames(recording_path, stations, names),
-            lambda begun: read_start(start, given.stations, stations, begun),
+            lambda initial: read_start(start, given.stations, stations, initial),
             settings,
             pipeline.region,
             pipeline.motion,

@@ -33,7 +33,7 @@ from bodycam_ros.replaying.recorded_part import part_s, published_window
 from bodycam_ros.replaying.replay_output import ReplayOutput
 from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.replaying.replay_summary import ReplaySummary
-from bodycam_ros.replaying.static_input import read_recorded_stations
+from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import source_remarks, write_sources
 
@@ -147,7 +147,7 @@ def _extend(
 ) -> tuple[Path, tuple[ExtensionRound, ...]]:
     """Extend the map by all passes but the last; folder of the extended map, and the rounds."""
     settings, cameras = request.settings, [camera for camera in recording.cameras if camera in body.mounts]
-    limited = replace(settings, extend=replace(settings.extend, rounds=request.passes - 1))
+    limited = replace(settings, extension=replace(settings.extension, rounds=request.passes - 1))
     extended, rounds = extend_map(
         recording.path, map_path, limited, request.jobs, cameras, body.readout_starts, on_step, names=recording.names
     )
@@ -158,7 +158,7 @@ def _extend(
 def _with_images(
     registered: Iterator[Result], recording: Recording, stations: Collection[str], window_ns: tuple[int, int]
 ) -> Iterator[Result | CameraImage]:
-    """Registrations of worn cameras, and images of static ones, in order of their stamps; then missing ones."""
+    """Registrations of body cameras, and images of static ones, in order of their stamps; then missing ones."""
     images = (
         (image for image in recording.images(stations) if window_ns[0] <= image.stamp_ns < window_ns[1])
         if stations
@@ -174,12 +174,12 @@ def _nothing_solved(request: ReplayRequest, unusable: str) -> BodycamError:
     if unusable:
         return RecordingError(f"{recording}: none of its images could be used: {unusable}")
     if outside is not None and outside.start is None:
-        return StationError(
-            f"{recording}: no worn camera was registered, so where the body is at first is unknown; place it "
+        return StaticCameraError(
+            f"{recording}: no body camera was registered, so where the body is at first is unknown; place it "
             f"by hand with 'bodycam view --place {recording}', and give that as --start"
         )
     if outside is not None:
-        return StationError(f"{recording}: no image of a static camera could be used, so there is no motion")
+        return StaticCameraError(f"{recording}: no image of a static camera could be used, so there is no motion")
     return MapError(
         f"no camera of {recording} could be registered in {request.map}, so there is no motion to write; "
         "is it the map of another place, or are the images too dark or blurred?"

@@ -163,7 +163,7 @@ class ReplayOutput:
         self._writer.attach(VERDICT_FILE, "application/json", text, self._latest_ns)
         self._write_diagnostics(self._latest_ns, verdict_status(summary.verdict), solver_status(counts))
         summary.interpolated, summary.rejected = counts.interpolated, counts.rejected
-        summary.instants = skeleton.arrivals.frames + summary.interpolated
+        summary.frames = skeleton.arrivals.frames + summary.interpolated
         summary.late = skeleton.arrivals.late
         if summary.late:
             logger.warning(

@@ -10,10 +10,10 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.results.provenance import RECORDING, Provenance
 from bodycam_ros.results.solved_body import SolvedBody
-from bodycam_ros.results.solved_recording import CameraRecord, SolvedRecording, StationRecord
+from bodycam_ros.results.solved_recording import CameraRecord, SolvedRecording, StaticCameraRecord
 
 S = TypeVar("S", bound=SolvedBody)
-R = TypeVar("R", CameraRecord, StationRecord)
+R = TypeVar("R", CameraRecord, StaticCameraRecord)
 
 
 def part_of(solved: S, span: TimeSpan) -> S:
@@ -78,7 +78,7 @@ def _camera_part(record: CameraRecord, window_ns: tuple[int, int]) -> CameraReco
     )
 
 
-def _station_part(record: StationRecord, window_ns: tuple[int, int]) -> StationRecord:
+def _station_part(record: StaticCameraRecord, window_ns: tuple[int, int]) -> StaticCameraRecord:
     rows = _inside(record.stamps_ns, window_ns)
     return replace(
         record, stamps_ns=record.stamps_ns[rows], segments=record.segments[rows], confidence=record.confidence[rows]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 Counts = NDArray[np.int64]
 
@@ -21,7 +21,9 @@ _LEAST_JOINTS = 5  # that two cameras agree on, to be of one person
 _LEAST_PARALLAX = np.sin(np.radians(3.0))
 
 
-def triangulate_person(stations: Mapping[str, Station], people: Mapping[str, Sequence[Array]]) -> tuple[Array, Counts]:
+def triangulate_person(
+    stations: Mapping[str, StaticCamera], people: Mapping[str, Sequence[Array]]
+) -> tuple[Array, Counts]:
     """Joints (J, 3) of the person that cameras agree on best [m], NaN where fewer than two do; and how many do (J,).
 
     Args:
@@ -59,7 +61,7 @@ def triangulate_person(stations: Mapping[str, Station], people: Mapping[str, Seq
 class _View:
     """Keypoints (J) of a person in an image: pixels (J, 2), rays (J, 3) in the world, and where both can be used."""
 
-    def __init__(self, station: Station, keypoints: Array) -> None:
+    def __init__(self, station: StaticCamera, keypoints: Array) -> None:
         self.station = station
         self.pixels = keypoints[:, :2]
         rays, valid = station.camera.unproject(np.ascontiguousarray(np.nan_to_num(self.pixels)))

@@ -20,7 +20,7 @@ from bodycam_ros.formats.static_cameras_file import world_T_file
 from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.replaying.static_input import read_recorded_stations
+from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker

@@ -143,7 +143,7 @@ def test_kalibr_has_cameras_by_a_sensor_or_by_each_other(
     places = [f"{key}: {value.tolist()}" for key, value in zip(poses[::2], poses[1::2], strict=True)]
     path = tmp_path / "camchain.yaml"
     path.write_text(KALIBR.format(head=head, pose0=places[0], pose1=places[1], D=D[:4], model="radtan"))
-    found = read_stations(path)
+    found = read_static_cameras(path)
     assert [*found] == ["cam0", "cam1"]
     for station, pose in zip(found.values(), expected, strict=True):
         np.testing.assert_allclose(station.world_T_camera, pose, atol=1e-9)
@@ -156,7 +156,7 @@ def test_kalibr_s_equi_is_equidistant(tmp_path: Path) -> None:
     path = tmp_path / "camchain.yaml"
     poses = {f"pose{k}": f"T_imu_cam: {pose.tolist()}" for k, pose in enumerate((FIRST, SECOND))}
     path.write_text(KALIBR.format(head="", **poses, D=D[:4], model="equi"))
-    assert {station.camera.distortion_model for station in read_stations(path).values()} == {"equidistant"}
+    assert {station.camera.distortion_model for station in read_static_cameras(path).values()} == {"equidistant"}
 
 
 @pytest.mark.parametrize("form", ["toml", "kalibr", "qca", "opencv"])
@@ -192,7 +192,7 @@ def test_a_camera_that_cannot_be_used_is_left_out_and_named(
         storage.write("T_cam01", np.ones((3, 1)))
         storage.release()
     caplog.set_level(logging.WARNING)
-    assert [*read_stations(path)] == ["cam01"]
+    assert [*read_static_cameras(path)] == ["cam01"]
     assert "camera 'cam02' is left out" in caplog.text
 
 
@@ -202,11 +202,11 @@ def test_a_size_that_lacks_is_that_of_the_images_beside_the_file(tmp_path: Path,
     for key, value in {"K": np.reshape(K, (3, 3)), "R": np.zeros((3, 1)), "T": np.ones((3, 1))}.items():
         storage.write(f"{key}_cam01", value)
     storage.release()
-    with pytest.raises(StationError, match="camera cam01: has no size; expected W_cam01"):
-        read_stations(tmp_path / "intri.yml")
+    with pytest.raises(StaticCameraError, match="camera cam01: has no size; expected W_cam01"):
+        read_static_cameras(tmp_path / "intri.yml")
     (tmp_path / place).parent.mkdir(parents=True)
     cv2.imwrite(str(tmp_path / place), np.zeros((1920, 1088), np.uint8))
-    camera = read_stations(tmp_path / "intri.yml")["cam01"].camera
+    camera = read_static_cameras(tmp_path / "intri.yml")["cam01"].camera
     assert (camera.width, camera.height) == (1088, 1920)
 
 

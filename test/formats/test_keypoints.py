@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from static_cameras.dressed_body import stations_around
+from static_cameras.dressed_body import static_cameras_around
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
@@ -15,7 +15,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.keypoints import JOINTS
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
-from bodycam_ros.static_cameras.station import Station
+from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 KINDS = {"Shoulder": "upper_arm", "Elbow": "forearm", "Wrist": "hand", "Hip": "thigh", "Knee": "shin", "Ankle": "foot"}
 SIDES = {"L": "left", "R": "right"}
@@ -42,9 +42,9 @@ def pose_of(body: BodyModel, x: float, turn: float) -> Array:
 
 def write(
     folder: Path, body: BodyModel, people: list[Array], layout: list[str], suffix: str = "_json", lie: str = ""
-) -> Mapping[str, Station]:
+) -> Mapping[str, StaticCamera]:
     """Keypoints of people in the first image of four cameras, a pixel off; one camera has left for right."""
-    stations = stations_around(4)
+    stations = static_cameras_around(4)
     random = np.random.default_rng(3)
     for name, station in stations.items():
         shown = []
@@ -94,7 +94,7 @@ def test_a_limb_without_keypoints_is_searched_for(body: BodyModel, tmp_path: Pat
 
 def test_a_camera_that_takes_left_for_right_is_rejected(body: BodyModel, tmp_path: Path) -> None:
     true = pose_of(body, 0.3, 0.7)
-    liar = [*stations_around(4)][1]
+    liar = [*static_cameras_around(4)][1]
     stations = write(tmp_path / "pose", body, [true], LAYOUTS["COCO-17"], lie=liar)
     placed = read_start(tmp_path / "pose", tmp_path / "cameras.yaml", stations, body).world_T_segment
     rows = [body.segment_index[name] for name in ("foot_left", "foot_right", "hand_left", "hand_right")]

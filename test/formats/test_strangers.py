@@ -10,7 +10,7 @@ import pytest
 from bodycam_ros.camera import camera_from_yaml
 from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP
 from bodycam_ros.formats.read_captured import read_captured
-from bodycam_ros.formats.stations_file import read_stations
+from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.lens.lens_check import match_images
 
 STRANGERS = Path(__file__).parents[3] / "shared" / "strangers"
@@ -46,9 +46,9 @@ def test_a_c3d_of_70000_frames_is_read_whole(tmp_path: Path, monkeypatch: pytest
 
 
 def test_kalibr_and_caliscope_are_read() -> None:
-    (camera,) = read_stations(STRANGERS / "kalibr_camchain_yaml/camchain.yaml").values()
+    (camera,) = read_static_cameras(STRANGERS / "kalibr_camchain_yaml/camchain.yaml").values()
     assert (camera.name, camera.camera.fx, camera.camera.width) == ("cam0", 400.0, 640)
-    assert [*read_stations(STRANGERS / "caliscope_one_uncalibrated/camera_array.toml")] == ["cam_1", "cam_2"]
+    assert [*read_static_cameras(STRANGERS / "caliscope_one_uncalibrated/camera_array.toml")] == ["cam_1", "cam_2"]
 
 
 def test_a_plane_that_shifts_does_not_doubt_its_lens() -> None:

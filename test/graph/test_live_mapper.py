@@ -11,7 +11,7 @@ from helpers.naming import names, naming
 from bodycam_ros.errors import BodycamError
 from bodycam_ros.geometry import inverse, log_se3
 from bodycam_ros.graph.live_mapper import LiveMapper
-from bodycam_ros.mapping.map_settings import GrowthSettings
+from bodycam_ros.mapping.map_settings import ExtensionSettings
 from bodycam_ros.pipeline.camera_front import CameraFront
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -33,8 +33,8 @@ class Live:
         self.begin()
 
     def begin(self) -> None:
-        self.registrar = CameraFront(CAMERA, self.growth.map, PipelineSettings())
-        self.growth.start_camera(CAMERA.name, CAMERA)
+        self.registrar = CameraFront(CAMERA, self.mapper.map, PipelineSettings())
+        self.mapper.start_camera(CAMERA.name, CAMERA)
 
     def see(self, frame: TrackFrame) -> LandmarkMatches:
         matches = self.registrar.register(frame)

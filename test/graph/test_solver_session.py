@@ -13,7 +13,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.diagnostics import solver_diagnostics
 from bodycam_ros.diagnostics.dropped_messages import DroppedMessages
-from bodycam_ros.errors import BodyError, StationError
+from bodycam_ros.errors import BodyError, StaticCameraError
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.graph.node_parameters import SolverParameters
 from bodycam_ros.graph.solver_session import SolverOutputs, SolverSession
@@ -124,5 +124,5 @@ def test_wrong_parameters_are_refused(tmp_path: Path) -> None:
     body = write_body(tmp_path / "body.yaml")
     with pytest.raises(BodyError, match="nobody"):
         Solved(body, cameras=("nobody",))
-    with pytest.raises(StationError, match="start"):
+    with pytest.raises(StaticCameraError, match="start"):
         Solved(body, start="start.yaml")

@@ -17,7 +17,7 @@ from bodycam_ros.body.body_file import write_body as write_body_file
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.body.equipment_yaml import read_equipment
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.geometry import exp_se3
 from bodycam_ros.graph.declared_graph import GraphNode
 from bodycam_ros.inertial.imu_calibration import ImuCalibration

@@ -13,7 +13,7 @@ from helpers.altered_sample import write_altered_sample
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.errors import MapError
-from bodycam_ros.estimation.smoother_settings import SmootherSettings
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.evaluate.comparison import compare, read_true_motion
 from bodycam_ros.messages.factory import stamp_ns, time_message
 from bodycam_ros.messages.tracks import landmark_matches, track_frame
@@ -124,7 +124,7 @@ def test_writes_the_whole_wire_contract(sample: Path, short: Path, tmp_path: Pat
     summary = replay(
         ReplayRequest(short, sample / "map", sample / "body.yaml", tmp_path / "out", PipelineSettings(), jobs=1)
     )
-    assert (summary.instants, summary.solved, summary.predicted) == (8, 8, 0)
+    assert (summary.frames, summary.solved, summary.predicted) == (8, 8, 0)
     assert set(summary.images.values()) == {8}
     body = read_body(sample / "body.yaml")
     with BagFile(tmp_path / "out") as bag:
