@@ -76,7 +76,9 @@ def compile_kernels(file):
     def flags():
         # pycc has no way to say these of the functions that Python calls.
         made = Flags()
-        made.release_gil, made.error_model, made.fastmath = True, "numpy", FastMathOptions(_FAST)
+        made.release_gil = True
+        made.error_model = "numpy"
+        made.fastmath = FastMathOptions(_FAST)
         return made
 
     sys.path.insert(0, str(SOURCES))

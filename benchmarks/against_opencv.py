@@ -50,7 +50,9 @@ class OpenCvTracker:
 
     def begin(self, image: NDArray[np.uint8], matches: LandmarkMatches) -> None:
         """Follow the landmarks of one registered image (H, W)."""
-        self._image, self._pixels, self._points = image, matches.pixels, matches.points_world.astype(np.float64)
+        self._image = image
+        self._pixels = matches.pixels
+        self._points = matches.points_world.astype(np.float64)
 
     def track(self, image: NDArray[np.uint8]) -> Array | None:
         """The pose (4, 4) of the next image; None where too few landmarks are left."""
@@ -60,7 +62,9 @@ class OpenCvTracker:
         pixels, found, _ = cv2.calcOpticalFlowPyrLK(before, image, self._pixels, None)
         bearings, valid = self._camera.unproject(pixels)
         keep = (found.ravel() == 1) & valid & (bearings[:, 2] > _FORWARD)
-        self._pixels, self._points, bearings = pixels[keep], self._points[keep], bearings[keep]
+        self._pixels = pixels[keep]
+        self._points = self._points[keep]
+        bearings = bearings[keep]
         if keep.sum() < _LEAST:
             return None
         plane, K = bearings[:, :2] / bearings[:, 2:], np.eye(3)
@@ -78,7 +82,10 @@ class OpenCvTracker:
 def compare(recording_path: Path, map_path: Path) -> tuple[Side, Side, int, int]:
     """Our side and OpenCV's, the number of images, and how often OpenCV's began anew."""
     reference_map = ReferenceMap.load(map_path)
-    ours, theirs, images, begun = Side(), Side(), 0, 0
+    ours = Side()
+    theirs = Side()
+    images = 0
+    begun = 0
     with threadpool_limits(1), open_recording(recording_path / "bag") as recording:
         for name in recording.cameras:
             camera = recording.camera_model(name)

@@ -165,7 +165,9 @@ def _look(
     for n in range(len(rays)):
         nearest = np.inf
         for p in range(people):
-            x, y, z = starts[p, 0], starts[p, 1], starts[p, 2] - middle
+            x = starts[p, 0]
+            y = starts[p, 1]
+            z = starts[p, 2] - middle
             dx = dy = dz = 0.0
             for m in range(3):
                 dx += person_T_world[p, 0, m] * rays[n, m]

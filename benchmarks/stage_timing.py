@@ -59,7 +59,9 @@ def time_stages(recording_path: Path, map_path: Path, body_path: Path, settings:
         BodycamError: recording, map or body cannot be read.
     """
     load_kernels()
-    body, reference_map, timing = read_body(body_path), ReferenceMap.load(map_path), StageTiming()
+    body = read_body(body_path)
+    reference_map = ReferenceMap.load(map_path)
+    timing = StageTiming()
     registered: list[LandmarkMatches] = []
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)

@@ -12,7 +12,11 @@ import numpy as np
 
 from bodycam_ros.geometry import Array
 
-COORDINATES, CAMERA_ROWS, STATES, LENGTH, TURNS = 42, 96, 200, 5, 3
+COORDINATES = 42
+CAMERA_ROWS = 96
+STATES = 200
+LENGTH = 5
+TURNS = 3
 
 Keys = Callable[[int], list[int]]
 
@@ -43,7 +47,9 @@ def time_states(size: int, reach: int, with_beside: bool) -> tuple[float, float]
     )
     for number in range(STATES):
         started = time.perf_counter()
-        graph, values, order = gtsam.NonlinearFactorGraph(), gtsam.Values(), gtsam.ISAM2UpdateParams()
+        graph = gtsam.NonlinearFactorGraph()
+        values = gtsam.Values()
+        order = gtsam.ISAM2UpdateParams()
         key, beside = gtsam.symbol("x", number), gtsam.symbol("y", number)
         before = [gtsam.symbol("x", each) for each in range(max(0, number - reach), number)]
         values.insert(key, np.zeros(size))

@@ -70,7 +70,9 @@ class WornFootage:
         noise = np.roll(self._noise, rng.integers(0, min(size), 2), axis=(0, 1))
         smear = self._smear
         if image.ndim == 3:
-            cloth, share, smear = cloth[..., None], share[..., None], smear[..., None]
+            cloth = cloth[..., None]
+            share = share[..., None]
+            smear = smear[..., None]
         else:
             noise = noise[..., 0]
         pixels = image.astype(np.float32)

@@ -74,7 +74,9 @@ def count_wrong(body: BodyModel, wrong: Wrong) -> tuple[int, int, int, float]:
                 off = log_se3(inverse(state.world_T_segment) @ poses)
                 sigmas = np.einsum("si,si->s", off, np.linalg.solve(state.uncertainty.segments, off[..., None])[..., 0])
                 is_bad = float(sigmas.max()) > FAR**2
-                bad, said, total = bad + is_bad, said + (is_bad and not state.converged), total + 1
+                bad = bad + is_bad
+                said = said + (is_bad and not state.converged)
+                total = total + 1
                 errors.append(float(np.linalg.norm((state.world_T_segment - poses)[:, :3, 3], axis=1).max()))
     return bad, said, total, 100.0 * float(np.percentile(errors, 99))
 

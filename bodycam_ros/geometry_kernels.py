@@ -123,13 +123,25 @@ def _quaternion(R: Array) -> tuple[float, float, float, float]:
     sums = (1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz, 1.0 + xx + yy + zz)
     # 4 q q': each row is q times four times one of its components; the row of the largest is the most exact.
     if sums[0] >= sums[1] and sums[0] >= sums[2] and sums[0] >= sums[3]:
-        x, y, z, w = sums[0], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]
+        x = sums[0]
+        y = R[0, 1] + R[1, 0]
+        z = R[0, 2] + R[2, 0]
+        w = R[2, 1] - R[1, 2]
     elif sums[1] >= sums[2] and sums[1] >= sums[3]:
-        x, y, z, w = R[0, 1] + R[1, 0], sums[1], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]
+        x = R[0, 1] + R[1, 0]
+        y = sums[1]
+        z = R[1, 2] + R[2, 1]
+        w = R[0, 2] - R[2, 0]
     elif sums[2] >= sums[3]:
-        x, y, z, w = R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], sums[2], R[1, 0] - R[0, 1]
+        x = R[0, 2] + R[2, 0]
+        y = R[1, 2] + R[2, 1]
+        z = sums[2]
+        w = R[1, 0] - R[0, 1]
     else:
-        x, y, z, w = R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1], sums[3]
+        x = R[2, 1] - R[1, 2]
+        y = R[0, 2] - R[2, 0]
+        z = R[1, 0] - R[0, 1]
+        w = sums[3]
     length = math.sqrt(x * x + y * y + z * z + w * w)
     if w < 0.0:
         length = -length
@@ -189,7 +201,9 @@ def exp_se3_jacobian(xi: Array) -> Array:
 
     Barfoot 2017, eq. 7.83. Terms of the series are below rounding where the rotation is at most half a turn.
     """
-    J, term, product = np.eye(6), np.eye(6), np.empty((6, 6))
+    J = np.eye(6)
+    term = np.eye(6)
+    product = np.empty((6, 6))
     x, y, z, u, v, w = xi[0], xi[1], xi[2], xi[3], xi[4], xi[5]
     ad = np.zeros((6, 6))
     ad[0, 1], ad[0, 2], ad[1, 0], ad[1, 2], ad[2, 0], ad[2, 1] = -z, y, z, -x, -y, x

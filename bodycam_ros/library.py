@@ -86,9 +86,14 @@ class Replay(Iterator[BodyOutput]):
         imus: Mapping[str, ImuSamples],
         static_cameras: StaticCameraFiles | None,
     ) -> None:
-        self._images, self._map, self._own = images, reference_map, body
+        self._images = images
+        self._map = reference_map
+        self._own = body
         self._body = with_hands(body) if static_cameras else body
-        self._cameras, self._equipment, self._settings, self._live = dict(cameras), equipment, settings, live
+        self._cameras = dict(cameras)
+        self._equipment = equipment
+        self._settings = settings
+        self._live = live
         self._imus, self._static_cameras = dict(imus), static_cameras
         self._readouts: Mapping[str, Readout | None] = body.readout_starts
         self._stations: Mapping[str, StaticCamera] = {}

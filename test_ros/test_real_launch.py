@@ -82,7 +82,9 @@ class Launch:
     """A running ``ros2 launch``, and the joint states and descriptions that were received."""
 
     def __init__(self, process: "subprocess.Popen[bytes]", log: Path, executor: SingleThreadedExecutor) -> None:
-        self.process, self.log, self._executor = process, log, executor
+        self.process = process
+        self.log = log
+        self._executor = executor
         self.received: list[JointState] = []
         self.received_s: list[float] = []
         self.descriptions: list[str] = []
@@ -217,7 +219,9 @@ def test_every_killed_node_is_started_again_and_sigterm_ends_all(tmp_path: Path)
 @pytest.mark.parametrize("one_process", ["false", "true"])
 def test_inertial_sensors_of_a_bag_of_their_own_are_played(tmp_path: Path, one_process: str) -> None:
     """Sensors that feel no motion contradict the images of a walk."""
-    person, body, sensors = read_body(SAMPLE["body"]), tmp_path / "body.yaml", tmp_path / "imu"
+    person = read_body(SAMPLE["body"])
+    body = tmp_path / "body.yaml"
+    sensors = tmp_path / "imu"
     mounts = {c: replace(m, imu=ImuCalibration()) if c in TWO.split(",") else m for c, m in person.mounts.items()}
     write_body(replace(person, mounts=mounts), body)
     make, still = recorded_messages(), (np.zeros(3), np.array([0.0, -9.8, 0.0]))

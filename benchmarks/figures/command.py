@@ -68,7 +68,9 @@ def run(command: list[str]) -> Ran:
 @contextmanager
 def _sampled(session: int) -> Iterator[tuple[list[int], dict[str, float]]]:
     """Bytes of all processes of a session, sampled on a thread, and processor time [s] of those others started."""
-    samples, seconds, ended = [0], dict[str, float](), threading.Event()
+    samples = [0]
+    seconds = dict[str, float]()
+    ended = threading.Event()
 
     def sample() -> None:
         while not ended.wait(_SAMPLE_S):

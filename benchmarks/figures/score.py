@@ -81,7 +81,9 @@ class Result:
         Raises:
             ValueError: a state has no pose of the root with the same stamp, or the bag lacks a topic.
         """
-        urdf, joints, roots = "", {}, {}
+        urdf = ""
+        joints = {}
+        roots = {}
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             counts = {connection.topic: connection.msgcount for connection in reader.connections}
             wanted = [c for c in reader.connections if c.topic in ("/robot_description", "/joint_states", "/odometry")]

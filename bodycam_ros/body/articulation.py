@@ -289,7 +289,9 @@ def eliminate_states(J_moving: Array, J_lasting: Array, hessians: Array, gradien
     )
     # One state after the other, whose matrices stay in the cache.
     for t in range(states):
-        J_t, HJ_t, g = J_lasting[t].reshape(rows, lasting), hessians[t] @ J_lasting[t], gradients[t].ravel()
+        J_t = J_lasting[t].reshape(rows, lasting)
+        HJ_t = hessians[t] @ J_lasting[t]
+        g = gradients[t].ravel()
         B = HJ[t].T @ J_t
         solved = -np.linalg.solve(A[t], np.column_stack([B, J[t].T @ g]))
         out.by_lasting[t], out.own_steps[t] = solved[:, :-1], solved[:, -1]

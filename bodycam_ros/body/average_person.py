@@ -69,7 +69,9 @@ BUTTOCK_DEPTH = 0.145
 HEAD_BREADTH, HEAD_LENGTH = 0.089, 0.114  # of which the length is from the forehead to its back
 HEAD_HEIGHT = 0.130  # from the chin
 NECK_TO_VERTEX = 0.140 + 0.023  # from the joint of the neck, below the cervicale, to the top of the head
-FOOT_LENGTH, FOOT_BREADTH, HEEL_BREADTH = 0.152, 0.055, 0.041
+FOOT_LENGTH = 0.152
+FOOT_BREADTH = 0.055
+HEEL_BREADTH = 0.041
 HAND_LENGTH, HAND_BREADTH = 0.108, 0.049
 
 

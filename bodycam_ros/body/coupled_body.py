@@ -68,7 +68,9 @@ def body_with_lengths(body: BodyModel, equipment: Equipment) -> BodyModel:
     An attachment or joint of unknown place is on a small segment of its own, which slides on the equipment's segment
     along the axes that are unknown. These segments come after all others.
     """
-    unknown, joints, sliders = unknown_lengths(equipment), [], []
+    unknown = unknown_lengths(equipment)
+    joints = []
+    sliders = []
     for joint in body.joints:
         if joint.name in unknown:
             sigmas = (*(TIGHT_RAD,) * 3, *np.where(unknown[joint.name] > 0.0, LOOSE_M, TIGHT_M).tolist())

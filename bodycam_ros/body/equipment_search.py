@@ -29,7 +29,9 @@ class EquipmentSearch:
     def __init__(self, mechanism: Mechanism) -> None:
         equipment = mechanism.equipment
         assert equipment is not None  # by the caller
-        self._mechanism, self._equipment, self._tree = mechanism, equipment, mechanism.tree
+        self._mechanism = mechanism
+        self._equipment = equipment
+        self._tree = mechanism.tree
         self._root_row = self._tree.joint_row[equipment.name]
         beside = self._tree.equipment_segments
         own = [row for row, joint in enumerate(self._tree.tree_joints) if joint.parent in beside]

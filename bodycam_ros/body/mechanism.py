@@ -64,7 +64,9 @@ class Mechanism:
     """
 
     def __init__(self, body: BodyModel, equipment: Equipment | None = None) -> None:
-        self.body, self.equipment, self.grounded = body, equipment, body.standing
+        self.body = body
+        self.equipment = equipment
+        self.grounded = body.standing
         self.only_upright = (
             equipment is not None and equipment.upright_sigma < GIVES_RAD and equipment.root not in self.grounded
         )
@@ -135,7 +137,9 @@ class Mechanism:
 
     def priors(self, configuration: Array) -> tuple[Array, Array]:
         """Posture, limits and lengths: residuals in sigmas, and their Jacobian."""
-        motion, twists, columns = configuration[1:], self.tangent.twists, self.tangent.columns
+        motion = configuration[1:]
+        twists = self.tangent.twists
+        columns = self.tangent.columns
         residuals, jacobians = [], []
 
         def add(values: Array, own: slice, jacobian: Array, sigma: Array | float) -> None:
@@ -187,7 +191,9 @@ class Mechanism:
 
     def gap(self, configuration: Array, loop: str) -> tuple[float, float]:
         """How far a loop is open: [m], the worst of an attachment's points, and [rad]."""
-        joint, poses, index = self.loops[loop], self.tree.poses_of(configuration), self.tree.segment_index
+        joint = self.loops[loop]
+        poses = self.tree.poses_of(configuration)
+        index = self.tree.segment_index
         parent, child = poses[index[joint.parent]], poses[index[joint.child]]
         error = self._gaps.jacobians(poses)[0][list(self.loops).index(loop)]
         attachments = () if self.equipment is None else self.equipment.attachments
@@ -255,11 +261,15 @@ def _descend(
         columns: that are moved.
         steps: at most.
     """
-    units, damping, state = mechanism.units[columns], _FIRST_DAMPING, start
+    units = mechanism.units[columns]
+    damping = _FIRST_DAMPING
+    state = start
     residuals, J, cost = linearise(state)
     for _ in range(steps):
         J = J[:, columns] * units
-        hessian, gradient, before = J.T @ J, J.T @ residuals, cost
+        hessian = J.T @ J
+        gradient = J.T @ residuals
+        before = cost
         if not (cost and len(gradient)):
             break
         scale = np.diag(hessian) + _FLOOR * np.trace(hessian) / len(hessian)

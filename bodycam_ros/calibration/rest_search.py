@@ -153,7 +153,9 @@ def _tilt_deg(found: FoundJoints, rig: Rig, segment: str, rows: slice) -> float 
     below = next((child for child in found.centres if rig.parents[child] == segment), None)
     if below is None:
         return None
-    one, above, beneath = found.virtual[segment], found.centres[segment], found.centres[below]
+    one = found.virtual[segment]
+    above = found.centres[segment]
+    beneath = found.centres[below]
     bone = beneath.in_parent - above.in_child
     # Along the axis of a hinge any point is as good: that part of the bone says nothing.
     for axis, centre in ((above.axis_in_child, above), (beneath.axis_in_parent, beneath)):

@@ -99,7 +99,9 @@ def refuse_rig(rig: Rig, cameras: Mapping[str, str], evidence: str) -> RigError:
         evidence: what speaks against the rig.
     """
     wrong = [camera for camera in rig.cameras if cameras[camera] != rig.cameras[camera]]
-    pairs, alone, named = [], [], set[str]()
+    pairs = []
+    alone = []
+    named = set[str]()
     for camera in (each for each in wrong if each not in named):
         partners = [c for c in wrong if cameras[c] == rig.cameras[camera] and rig.cameras[c] == cameras[camera]]
         partner = next((each for each in partners if each not in named), None)

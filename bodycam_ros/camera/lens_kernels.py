@@ -36,7 +36,9 @@ EDGE = 1e-9
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-PERSPECTIVE, EQUIDISTANT, FOV = 0.0, 1.0, 2.0
+PERSPECTIVE = 0.0
+EQUIDISTANT = 1.0
+FOV = 2.0
 _MODEL, _WIDTH, _HEIGHT, _FX, _FY, _CX, _CY, MAX_ANGLE, MAX_RADIUS, REGULAR_ANGLE = range(10)
 COEFFICIENTS = 10
 """First entry of the distortion coefficients."""
@@ -155,7 +157,9 @@ def project_point_with_jacobian(
         slope /= squared_distance
         bend = (slope * z - gain) / from_axis_squared
         x_distorted, y_distorted = gain * x, gain * y
-        xx, xy, yy = gain + bend * (x * x), bend * x * y, gain + bend * (y * y)
+        xx = gain + bend * (x * x)
+        xy = bend * x * y
+        yy = gain + bend * (y * y)
         x_z, y_z = -slope * x, -slope * y
         valid = _in_angular_cone(lens, angle, squared_distance)
     if not valid:

@@ -19,7 +19,10 @@ def local_scales(camera: CameraModel) -> NDArray[np.float64]:
     """
     widest = max(0.0, camera.max_angle - _INSIDE)
     angles = np.minimum(np.arccos(np.linspace(-1.0, 1.0, _SAMPLES)), widest)
-    cos, sin, zero, one = np.cos(angles), np.sin(angles), np.zeros(_SAMPLES), np.ones(_SAMPLES)
+    cos = np.cos(angles)
+    sin = np.sin(angles)
+    zero = np.zeros(_SAMPLES)
+    one = np.ones(_SAMPLES)
     jacobian = camera.project_with_jacobian(np.column_stack([sin, zero, cos]))[1]
     across = np.stack([np.column_stack([cos, zero, -sin]), np.column_stack([zero, one, zero])], axis=-1)
     scales: NDArray[np.float64] = np.sqrt(np.abs(np.linalg.det(jacobian @ across)))

@@ -16,7 +16,9 @@ class ProgressLines:
     """Prints the running step, its share and its time to standard error while the block lasts."""
 
     def __init__(self) -> None:
-        self._step, self._share, self._since_s = "start", 0.0, time.monotonic()
+        self._step = "start"
+        self._share = 0.0
+        self._since_s = time.monotonic()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._print_lines, name="progress", daemon=True)
 

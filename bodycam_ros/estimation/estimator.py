@@ -97,7 +97,9 @@ class BodyEstimator:
         inertial: InertialSensors | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
-        self._offline, self._coupling, self._static_cameras = offline, coupling, static_cameras
+        self._offline = offline
+        self._coupling = coupling
+        self._static_cameras = static_cameras
         self._inertial = inertial
         # Unknown lengths of equipment are joints that slide; their segments come last, and are not published.
         self.body = coupling.body if coupling else body
@@ -260,7 +262,9 @@ class BodyEstimator:
         placed: Sequence[SegmentPose] = (),
     ) -> SolvedState:
         """One state: gate the cameras, collect the other measurements, fit, add contacts, and enter the window."""
-        ends, dt_s, steps = self.body.joint_ends, link.prediction.dt_s, link.steps
+        ends = self.body.joint_ends
+        dt_s = link.prediction.dt_s
+        steps = link.steps
         accepted, start = self._gated(registered, link.prediction)
         self.counts.rejected.update(registered.keys() - accepted.keys())
         known = [*accepted.values(), *placed]

@@ -179,7 +179,9 @@ class InertialSensors:
         return [name for name, filtered in self.biases.items() if filtered.is_confirmed and not filtered.is_wrong]
 
     def _turn(self, name: str, moved: Preintegrated) -> SegmentTurn:
-        imu, filtered, segment_R_camera = self._calibrations[name], self.biases[name], self._segment_R_camera[name]
+        imu = self._calibrations[name]
+        filtered = self.biases[name]
+        segment_R_camera = self._segment_R_camera[name]
         R = turned(moved, filtered.bias)
         of_angle = (imu.gyro_scale_sigma + imu.rotation_sigma) * float(np.linalg.norm(log_so3(R)))
         of_delay = imu.time_offset_sigma * float(np.linalg.norm(moved.change[:3]))
@@ -188,7 +190,9 @@ class InertialSensors:
         return SegmentTurn(self._rows[name], segment_R_camera @ R @ segment_R_camera.T, sigma)
 
     def _step(self, name: str, moved: Preintegrated, with_position: bool) -> InertialStep:
-        R, filtered, spin_bias = self._segment_R_camera[name], self._accelerometers[name], self.biases[name].bias
+        R = self._segment_R_camera[name]
+        filtered = self._accelerometers[name]
+        spin_bias = self.biases[name].bias
         imu, (spun, pushed) = self._calibrations[name], np.linalg.norm(moved.change.reshape(2, 3), axis=1)
         lever = min(imu.position_sigma, _LEVER_M)
         return InertialStep(

@@ -114,7 +114,9 @@ class RecordedPoses:
     """
 
     def __init__(self, prior: PosePrior, stamps_ns: NDArray[np.int64], rotations: Array, observed: Mask) -> None:
-        self._prior, self._observed, self._seconds = prior, observed, 1e-9 * (stamps_ns - stamps_ns[0])
+        self._prior = prior
+        self._observed = observed
+        self._seconds = 1e-9 * (stamps_ns - stamps_ns[0])
         # Features: rotation vectors of all joints (3 J), then their velocities (3 J).
         vectors = prior.vectors(rotations)
         before = np.searchsorted(self._seconds, self._seconds - _TURN_S)

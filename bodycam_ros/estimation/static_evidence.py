@@ -156,7 +156,9 @@ class StaticEvidence:
     """
 
     def __init__(self, body: BodyModel, cameras: StaticCameras | None, count: int) -> None:
-        self._body, self._cameras, self._count = body, cameras, count
+        self._body = body
+        self._cameras = cameras
+        self._count = count
         self._known: Collection[SegmentPose] = ()
         self._known_for_s = 0.0
         self._before = np.zeros((len(body.segments), 4, 4))

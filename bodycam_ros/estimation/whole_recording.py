@@ -44,7 +44,9 @@ class WholeRecording:
     def __init__(
         self, motion: MotionModel, factors: StateFactors, prior: PosePrior, on_progress: Callable[[float], None]
     ) -> None:
-        self._body, self._motion, self._factors = motion.tangent.tree, motion, factors
+        self._body = motion.tangent.tree
+        self._motion = motion
+        self._factors = factors
         self._prior, self._on_progress = prior, on_progress
         self.reset()
 

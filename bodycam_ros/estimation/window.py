@@ -16,7 +16,9 @@ from bodycam_ros.geometry import Array
 
 _RELINEARISE = 0.05  # [rad], [m] by which coordinates move before their factors are linearised anew
 _ITERATIONS = 3  # of it at most in one update
-_ZERO, _ONE, _UNIT = np.zeros(1), np.eye(1), gtsam.noiseModel.Unit.Create(1)
+_ZERO = np.zeros(1)
+_ONE = np.eye(1)
+_UNIT = gtsam.noiseModel.Unit.Create(1)
 _WILDFIRE = 1e-5  # [rad], [m] change of a state below which older ones are not updated
 
 
@@ -44,7 +46,9 @@ class Window:
         parameters.relinearizeSkip = 1 << 30  # where it is asked for
         parameters.findUnusedFactorSlots = True
         parameters.setOptimizationParams(gtsam.ISAM2GaussNewtonParams(_WILDFIRE))
-        self._isam, self._count, self._relinearises = gtsam.ISAM2(parameters), count, relinearises
+        self._isam = gtsam.ISAM2(parameters)
+        self._count = count
+        self._relinearises = relinearises
         self._charts: dict[int, Chart] = {}
 
     def add(self, number: int, chart: Chart, factors: gtsam.NonlinearFactorGraph, oldest: int) -> None:

@@ -132,7 +132,9 @@ class Agreement:
     @property
     def doubts(self) -> tuple[str, ...]:
         """Why the two may be of different motions, and what to do; empty where nothing indicates it."""
-        clock, off, doubts = self.clock, self.scale - 1.0, list[str]()
+        clock = self.clock
+        off = self.scale - 1.0
+        doubts = list[str]()
         if clock.start_sigma_s > 0.0 and clock.lead < _MIN_LEAD:
             doubts.append(
                 f"the best clock offset is hardly better than the second best (by {clock.lead:.1f} standard "

@@ -23,7 +23,9 @@ _LABEL_ROOM_M, _NAME_ROOM_M = 0.15, 0.5
 _LABEL_STEP_M = 0.06  # between two labels of a column
 _DIGITS = 4
 
-_MM, _MS, _DEG = 1000.0, 1000.0, math.degrees(1.0)
+_MM = 1000.0
+_MS = 1000.0
+_DEG = math.degrees(1.0)
 _JOINTS: Columns = (
     ("moves", "freedom", ""), ("exercised [deg]", "exercised_rad", ".0f", _DEG), ("gap [mm]", "gap_m", ".1f", _MM),
     ("sigma [mm]", "sigma_m", ".1f", _MM),

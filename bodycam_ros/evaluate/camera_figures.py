@@ -130,7 +130,9 @@ def _pose_gaps(solved: SolvedRecording, record: CameraRecord, world_T_camera: Ar
 
 
 def _clock_figures(timing: ClockHistory) -> ClockFigures:
-    clock, first_ns, readout = timing.latest, timing.clocks[0].since_ns, timing.readout or Readout(math.nan, math.nan)
+    clock = timing.latest
+    first_ns = timing.clocks[0].since_ns
+    readout = timing.readout or Readout(math.nan, math.nan)
     return ClockFigures(
         is_off=timing.is_off,
         ahead_ms=1e3 * clock.offset,

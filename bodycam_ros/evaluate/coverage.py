@@ -20,7 +20,9 @@ from bodycam_ros.registration.reference_map import ReferenceMap
 COVERAGE_FILE = "coverage.png"
 """In a map folder, the picture of ``draw_coverage``."""
 
-_WIDTH, _HEIGHT, _VIEW_RAD = 640, 480, np.radians(150.0)
+_WIDTH = 640
+_HEIGHT = 480
+_VIEW_RAD = np.radians(150.0)
 _FOCAL = _WIDTH / _VIEW_RAD
 _K = (_FOCAL, 0.0, (_WIDTH - 1) / 2, 0.0, _FOCAL, (_HEIGHT - 1) / 2, 0.0, 0.0, 1.0)
 BODY_CAMERA = camera_from_info("body", _WIDTH, _HEIGHT, "equidistant", [0.0] * 4, _K)

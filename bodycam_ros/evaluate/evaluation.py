@@ -110,7 +110,9 @@ def evaluate(
     elif truth is not None:
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
-    verdict, blind, jitter = solved_verdict(solved, models), camera_figures.blind(solved), camera_figures.jitter(solved)
+    verdict = solved_verdict(solved, models)
+    blind = camera_figures.blind(solved)
+    jitter = camera_figures.jitter(solved)
     variances = np.diagonal(solved.root_covariance, axis1=1, axis2=2)
     rotation_sigma, position_sigma = (np.sqrt(variances[:, rows].sum(axis=1)) for rows in (slice(0, 3), slice(3, 6)))
     cameras = camera_figures.camera_figures(solved, models)

@@ -143,7 +143,9 @@ def static_camera_views(
     check_static_cameras_frame(files.stations, solved.path, map_path)
     if reference_map is not None and map_path is not None:
         warn_of_differences(solved.path, (reference_map, map_path))
-    body, at_ns, views = solved.body, middle_stamp(solved), []
+    body = solved.body
+    at_ns = middle_stamp(solved)
+    views = []
     surface = BodySurface.of(body, surfaces_of(body, solved.path, files.surface))
     with closing(Footage(recording, solved.path)) as footage:
         there = {name: station for name, station in stations.items() if name in footage.cameras}

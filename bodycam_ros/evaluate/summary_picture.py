@@ -62,7 +62,9 @@ def draw_summary(evaluation: Evaluation, path: Path) -> None:
         draw_figures(add_panel((0.03, 0.94), 0.545, 0.88), evaluation)
         registrations = add_panel(_COLUMN, 0.232, 0.49)
         _draw_registrations(registrations, evaluation.solved)
-        bottom, top, gap = 0.055, 0.182, 0.018
+        bottom = 0.055
+        top = 0.182
+        gap = 0.018
         heights = np.linspace(top + gap, bottom, ERROR_PANELS + 1)
         panels = [add_panel(_COLUMN, low, high - gap, registrations) for high, low in pairwise(heights)]
         for panel in panels[:-1]:

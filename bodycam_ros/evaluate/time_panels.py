@@ -36,11 +36,15 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
                 axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=5))
                 axes.yaxis.set_major_formatter("{x:g}")
                 axes.yaxis.set_minor_locator(NullLocator())
-        labels, title, note = ("position\n[mm]", "rotation\n[°]"), "Error against the truth", "of joints"
+        labels = ("position\n[mm]", "rotation\n[°]")
+        title = "Error against the truth"
+        note = "of joints"
     else:
         _draw_spread(panels[0], solved.curve(solved.stamps_ns, 1e3 * evaluation.position_sigma[:, None]))
         _draw_spread(panels[1], solved.curve(solved.stamps_ns, 1e3 * evaluation.jitter))
-        labels, title, note = ("root sigma\n[mm]", "jitter\n[mm]"), "Uncertainty", "of the root; jitter of segments"
+        labels = ("root sigma\n[mm]", "jitter\n[mm]")
+        title = "Uncertainty"
+        note = "of the root; jitter of segments"
         for axes in panels:
             axes.set_ylim(bottom=0.0)
     style.panel_title(panels[0], title, f"{note}: mean, and the worst")

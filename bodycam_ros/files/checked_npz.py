@@ -56,7 +56,9 @@ def read_arrays(
             raise MapError("it is a folder, pipe or device")
         with path.open("rb") as file, zipfile.ZipFile(file) as archive:
             mapped = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_COPY))
-            arrays, known, there = {}, dict(sizes), set(archive.namelist())
+            arrays = {}
+            known = dict(sizes)
+            there = set(archive.namelist())
             extra = {name: form for name, form in optional.items() if f"{name}.npy" in there}
             for name, form in (dict(wanted) | extra).items():
                 dtype, *shape = form.split()

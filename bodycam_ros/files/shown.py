@@ -13,7 +13,11 @@ _HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
 class _Shortened(reprlib.Repr):
     def __init__(self) -> None:
         super().__init__()
-        self.maxlevel, self.maxdict, self.maxlist, self.maxtuple, self.maxset = 2, 3, 7, 7, 3
+        self.maxlevel = 2
+        self.maxdict = 3
+        self.maxlist = 7
+        self.maxtuple = 7
+        self.maxset = 3
         self.maxstring = self.maxlong = self.maxother = 60
 
     def repr_int(self, x: int, level: int) -> str:

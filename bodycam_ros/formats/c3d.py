@@ -93,7 +93,9 @@ def read_c3d(path: Path) -> CapturedMotion:
         ValueError: it cannot be read, or has no markers.
     """
     content = _content(path)
-    positions, rate, unit = content["positions"], float(content["rate"]), str(content["unit"])
+    positions = content["positions"]
+    rate = float(content["rate"])
+    unit = str(content["unit"])
     metres = _UNITS_M.get(unit[:4])
     if metres is None:
         raise ValueError(f"unknown unit POINT:UNITS {shown(unit)}; known are m, cm, mm, in")

@@ -90,7 +90,9 @@ def _usable(path: Path, cameras: Sequence[_Camera]) -> list[StaticCamera]:
     Raises:
         StaticCameraError, LensError: there is none.
     """
-    stations, faults, left_out = list[StaticCamera](), list[StaticCameraError | LensError](), list[str]()
+    stations = list[StaticCamera]()
+    faults = list[StaticCameraError | LensError]()
+    left_out = list[str]()
     for name, make in cameras:
         try:
             stations.append(make())

@@ -19,7 +19,9 @@ from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.geometry import Array, nearest_rotation
 
-_MAGIC, _JSON, _BINARY = b"glTF", 0x4E4F534A, 0x004E4942
+_MAGIC = b"glTF"
+_JSON = 0x4E4F534A
+_BINARY = 0x004E4942
 _DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
@@ -44,7 +46,9 @@ def read_gltf(path: Path) -> CapturedMotion:
 
 def _chunks(content: bytes) -> tuple[Any, bytes]:
     """The document and the binary of a GLB."""
-    document, binary, at = None, b"", 12
+    document = None
+    binary = b""
+    at = 12
     while at + 8 <= len(content):
         length, kind = struct.unpack_from("<II", content, at)
         part = content[at + 8 : at + 8 + length]
@@ -116,7 +120,9 @@ def _values(document: Any, buffers: Sequence[bytes], number: int) -> Array:
     """The numbers (N, width) of an accessor."""
     accessor = document["accessors"][number]
     view = document["bufferViews"][accessor["bufferView"]]
-    dtype, width, count = np.dtype(_DTYPES[accessor["componentType"]]), _WIDTHS[accessor["type"]], accessor["count"]
+    dtype = np.dtype(_DTYPES[accessor["componentType"]])
+    width = _WIDTHS[accessor["type"]]
+    count = accessor["count"]
     start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     stride = view.get("byteStride", 0) or dtype.itemsize * width
     content = buffers[view.get("buffer", 0)]

@@ -48,7 +48,11 @@ def write_trc(motion: SampledMotion, options: MotionOptions) -> dict[str, str]:
 
 
 _UNITS_M = {"m": 1.0, "meters": 1.0, "cm": 0.01, "mm": 0.001, "millimeters": 0.001, "in": 0.0254, "inches": 0.0254}
-_TYPE, _KEYS, _VALUES, _NAMES, _FIRST_ROW = 0, 1, 2, 3, 5
+_TYPE = 0
+_KEYS = 1
+_VALUES = 2
+_NAMES = 3
+_FIRST_ROW = 5
 _AXES, _FIXED = 3, 2
 _MOST_CELLS, _SMALL = 20, 1_000_000
 """Most cells per character of the file: cells missing at the end of a row take memory too. Small tables are exempt."""

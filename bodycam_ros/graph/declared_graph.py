@@ -311,7 +311,9 @@ def without_discovery_callbacks(node_handle: int) -> bool:
         # The one that is in use; where another middleware is, there is nothing to do.
         rmw = ctypes.CDLL(_RMW, mode=os.RTLD_NOW | os.RTLD_NOLOAD)
         rcl = ctypes.CDLL("librcl.so", mode=os.RTLD_NOW | os.RTLD_NOLOAD)
-        rmw_node_of, participant_of, set_listener = rcl[_NODE_TO_RMW], rmw[_RMW_TO_PARTICIPANT], rmw[_SET_LISTENER]
+        rmw_node_of = rcl[_NODE_TO_RMW]
+        participant_of = rmw[_RMW_TO_PARTICIPANT]
+        set_listener = rmw[_SET_LISTENER]
     except (OSError, AttributeError):
         return False
     rmw_node_of.restype = participant_of.restype = ctypes.c_void_p

@@ -43,12 +43,16 @@ class LiveMapper(LocalMapper):
     ) -> None:
         super().__init__(make_extendable(reference_map, settings.capacity))
         self._reference_map, self._enabled = reference_map, settings.enabled
-        self._request_keyframe, self._defer, self._on_error = request_keyframe, defer, on_error
+        self._request_keyframe = request_keyframe
+        self._defer = defer
+        self._on_error = on_error
         self._selections: dict[str, KeyframeSelection] = {}
         self._dropped = 0  # keyframes, because too many others waited
         self._identity, self._identified_changes = map_identity(self.map), self.map.changes
         self._folder: Path | None = None
-        self._saved_changes, self._saved_s, self._failure = 0, time.monotonic(), ""
+        self._saved_changes = 0
+        self._saved_s = time.monotonic()
+        self._failure = ""
         self._writer = ThreadPoolExecutor(1, "map writer")
         self._writing: Future[None] | None = None
 

@@ -141,7 +141,9 @@ class SolverSession:
 
     def add_registration(self, matches: LandmarkMatches) -> None:
         """Add a registration, unless it is in another map than the body."""
-        camera, stamp_ns, before = matches.camera, matches.stamp_ns, self._maps.identity
+        camera = matches.camera
+        stamp_ns = matches.stamp_ns
+        before = self._maps.identity
         if self._lost.add(camera, stamp_ns, matches.previous_stamp_ns):
             reason = f"camera {camera}: the registration before {stamp_ns} ns is lost"
             self._dropped.add("registrations lost", reason)

@@ -61,7 +61,9 @@ class BiasFilter(SensorFilter):
     def __init__(self, calibration: ImuCalibration) -> None:
         super().__init__()
         self.motion = SensorMotion(calibration)
-        self.bias, self.delay, self._delay = np.zeros(3), 0.0, 0.0
+        self.bias = np.zeros(3)
+        self.delay = 0.0
+        self._delay = 0.0
         # Of rotation, bias and delay.
         bias_variance = calibration.gyro_bias_sigma**2 + TURN_ON**2
         self._P = np.diag(np.repeat([_IMAGE_RAD**2, bias_variance, _DELAY_TURN_ON**2], [3, 3, 1]))

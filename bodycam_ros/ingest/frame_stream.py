@@ -146,7 +146,9 @@ class FrameStream:
             yield SerializedMessage.of(stamp_ns, f"/{camera}{IMU_TOPIC}", imu_message(make, camera, stamp_ns, w, a))
 
     def _stamped_frames(self) -> Iterator[SerializedMessage]:
-        make, name, lens = recorded_messages(), self.camera.topic_name, self.camera.written_lens
+        make = recorded_messages()
+        name = self.camera.topic_name
+        lens = self.camera.written_lens
         info_due_ns: int | None = None
         latest_s = min((self.camera.video.facts.duration_s or math.inf) + _ASTRAY_S, _LONGEST_S)
         for media_s, kind, content in self._frames():

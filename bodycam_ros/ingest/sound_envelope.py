@@ -77,14 +77,19 @@ def _chunks(blocks: Iterable[SoundBlock]) -> Iterator[tuple[SoundBlock, float, f
     Chunks are of 10 s, the last of each run without a gap longer or shorter; the same whatever the size of blocks.
     """
     pieces: list[NDArray[np.float32]] = []
-    count, rate_hz, start_s, begin_s = 0, 0.0, 0.0, 0.0
+    count = 0
+    rate_hz = 0.0
+    start_s = 0.0
+    begin_s = 0.0
     for block in blocks:
         late_s = block.start_s - start_s - count / max(rate_hz, 1.0)
         if count and (block.rate_hz != rate_hz or abs(late_s) > _RATE_TOLERANCE_S):
             yield SoundBlock(start_s, np.concatenate(pieces), rate_hz), begin_s, count / rate_hz
             pieces, count = [], 0
         if not count:
-            rate_hz, start_s, begin_s = block.rate_hz, block.start_s, 0.0
+            rate_hz = block.rate_hz
+            start_s = block.start_s
+            begin_s = 0.0
         pieces.append(np.nan_to_num(block.samples))
         count += len(block.samples)
         while count >= (size := round((begin_s + _CHUNK_S + _CONTEXT_S) * rate_hz)):

@@ -86,7 +86,9 @@ class LoopGaps:
 
     def _forbidden(self, R: Array) -> tuple[Array, Array]:
         """Rotation vectors (L, 3) of what the types forbid, and how turns of the children change them (L, 3, 3)."""
-        swing, hinges, axes = R.copy(), self._hinges, self._hinge_axes
+        swing = R.copy()
+        hinges = self._hinges
+        axes = self._hinge_axes
         swing[hinges] = exp_so3(-hinge_angle(R[hinges], axes)[:, None] * axes) @ R[hinges]
         swing[self._turning] = np.eye(3)
         forbidden = log_so3(swing)

@@ -74,7 +74,9 @@ class KinematicTree:
         for joint in self.joints:
             if joint.child != self.root:
                 carrier.setdefault(joint.child, joint)
-        reached, tree, pending = {self.root}, [], list(carrier.values())
+        reached = {self.root}
+        tree = []
+        pending = list(carrier.values())
         while ready := [joint for joint in pending if joint.parent in reached]:
             pending.remove(ready[0])
             reached.add(ready[0].child)

@@ -51,7 +51,9 @@ def _draw_coverage(axes: Axes, calibration: LensCalibration) -> None:
 
 
 def _draw_errors(axes: Axes, calibration: LensCalibration) -> None:
-    lens, fit, radius = calibration.chosen, calibration.chosen.fit, calibration.area.radius_px
+    lens = calibration.chosen
+    fit = calibration.chosen.fit
+    radius = calibration.area.radius_px
     note = f"left out: median {lens.median_px:.2f} px; rays where seen: {lens.worst_ray_px:.2f} px"
     panel_title(axes, "Errors by distance from the centre", note)
     height, width = calibration.is_lit.shape

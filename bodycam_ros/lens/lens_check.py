@@ -162,7 +162,9 @@ def _point_pairs(images: Iterable[Grey]) -> Iterator[PointPair]:
         small = np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
         if previous is not None and len(points):
             followed, kept = follow(previous, small, points, points)
-            first, points, age = first[kept], followed[kept], age + 1
+            first = first[kept]
+            points = followed[kept]
+            age = age + 1
             shifts = np.linalg.norm(points - first, axis=1)
             if len(shifts) >= _MIN_POINTS and np.median(shifts) >= _MIN_SHIFT * small.shape[1]:
                 yield _full_size(first, scale), _full_size(points, scale)

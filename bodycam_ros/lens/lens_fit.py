@@ -151,7 +151,9 @@ def _descend(fit: LensFit, scale: float, fixed: bool) -> LensFit:
         else:
             break
         gain = (cost - new_cost) / cost
-        fit, cost, damping = new, new_cost, max(1e-12, 0.1 * damping)
+        fit = new
+        cost = new_cost
+        damping = max(1e-12, 0.1 * damping)
         if gain < _CONVERGED:
             break
     return fit

@@ -124,7 +124,10 @@ def build_map(
     structure = reconstruct(photographs.folder, features, camera_of_name, workers, progress)
 
     # Scale, origin and upward direction.
-    alignment, known_scale, floor, inertial = None, None, None, None
+    alignment = None
+    known_scale = None
+    floor = None
+    inertial = None
     if board is not None:
         tag_views, taken_by = zip(*((tags[name], camera_of_name[name]) for name in structure.names), strict=True)
         alignment = align_to_board(structure.world_T_camera, tag_views, taken_by, board)

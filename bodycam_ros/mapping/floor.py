@@ -62,7 +62,9 @@ def _find_floor(structure: Structure, up: Array | None) -> Floor | None:
     along, extent = body_extent(structure)
     if up is None and len(structure.cameras) < 2:
         return None
-    centres, points, thickness = structure.world_T_camera[:, :3, 3], structure.points_world, _THICKNESS * extent
+    centres = structure.world_T_camera[:, :3, 3]
+    points = structure.points_world
+    thickness = _THICKNESS * extent
     floors = []
     for upwards in (along, -along) if up is None else (up,):
         best = None

@@ -108,8 +108,13 @@ class CameraImages:
         restart: Callable[[], None] = lambda: None,
         ready_since_s: Callable[[], float] = lambda: 0.0,
     ) -> None:
-        self._stage, self._camera, self._dropped, self._process = stage, camera, dropped, process
-        self._waiting_reason, self._restart, self._ready_since_s = waiting_reason, restart, ready_since_s
+        self._stage = stage
+        self._camera = camera
+        self._dropped = dropped
+        self._process = process
+        self._waiting_reason = waiting_reason
+        self._restart = restart
+        self._ready_since_s = ready_since_s
         if (transport := stage.parameters.transport) not in TRANSPORTS:
             known = ", ".join(TRANSPORTS)
             raise SettingsError(f"the parameter 'transport' must be one of {known}, not '{transport}'")

@@ -61,7 +61,9 @@ class DriverTopic:
         overridable: bool = False,
         even_inactive: bool = False,
     ) -> None:
-        self._stage, self._forms, self._depth = stage, forms, depth
+        self._stage = stage
+        self._forms = forms
+        self._depth = depth
         self._overridable, self._even_inactive = overridable, even_inactive
         self._started_s = time.monotonic()
         self._latest_s = self._started_s - _QUIET_S
@@ -151,7 +153,9 @@ class CameraModels:
         on_change: Callable[[str], None],
         on_info: Callable[[str, int], None] = lambda camera, stamp_ns: None,
     ) -> None:
-        self._log, self._on_change, self._on_info = stage.log, on_change, on_info
+        self._log = stage.log
+        self._on_change = on_change
+        self._on_info = on_info
         self._contents: dict[str, tuple[Any, ...]] = {}
         self.models: dict[str, CameraModel] = {}
         self.rejected: dict[str, str] = {}

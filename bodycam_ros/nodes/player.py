@@ -172,7 +172,9 @@ class Player(Node):
 
     def _lacking(self) -> list[str]:
         """Topics that too few nodes read, with the number of nodes; of images one reader is enough."""
-        lacking, played, wanted = [], self._types, self._wanted
+        lacking = []
+        played = self._types
+        wanted = self._wanted
         for camera in dict.fromkeys(map(_camera_of, played)):
             of_images = [f"/{camera}{ending}" for ending in _IMAGES if f"/{camera}{ending}" in played]
             # A bag may have them raw and compressed; one of the two is enough.
@@ -203,7 +205,9 @@ class Player(Node):
 
     def _play(self, stopped: Callable[[], bool]) -> None:
         """Play the bag from its start to its end."""
-        self._count, self._behind_s, self._started_s = 0, 0.0, time.monotonic()
+        self._count = 0
+        self._behind_s = 0.0
+        self._started_s = time.monotonic()
         recorded = (bag.messages(topics) for bag, topics in self._sources.items())
         for topic, due_ns, message in merge(*recorded, key=lambda each: each[1]):
             serialized = self._serialized(topic, message)

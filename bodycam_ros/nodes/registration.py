@@ -55,7 +55,9 @@ class RegistrationStage(Stage[RegistrationParameters]):
         fronts: by camera.
     """
 
-    name, parameters_type, groups = "registration", RegistrationParameters, REGISTRATION_GROUPS
+    name = "registration"
+    parameters_type = RegistrationParameters
+    groups = REGISTRATION_GROUPS
 
     def __init__(self, node: StageNode[RegistrationParameters]) -> None:
         super().__init__(node)
@@ -249,10 +251,15 @@ class RegistrationStage(Stage[RegistrationParameters]):
 
     def report(self) -> list[Status]:
         """Status of all cameras, of the map and of each camera since the last report."""
-        frames, work_s, self._frames, self._work_s = self._frames, self._work_s, 0, 0.0
+        frames = self._frames
+        work_s = self._work_s
+        self._frames = 0
+        self._work_s = 0.0
         refused = sorted(self._refused)
         self._refused.clear()
-        lost, cameras, missing = self.dropped.count_new(), self._cameras, self._cameras.missing
+        lost = self.dropped.count_new()
+        cameras = self._cameras
+        missing = self._cameras.missing
         values: dict[str, object] = {
             "frames per second": frames,
             "time per frame [ms]": round(1e3 * work_s / frames, 1) if frames else "none",

@@ -27,7 +27,9 @@ _NAMESPACE = re.compile(r"[A-Za-z]\w*(/[A-Za-z]\w*)*", re.ASCII)
 class RetargetStage(Stage[RetargetParameters]):
     """Publishes ``robot_description``, ``joint_states`` and the root's transform of a robot, in its own namespace."""
 
-    name, parameters_type, groups = "retarget", RetargetParameters, ()
+    name = "retarget"
+    parameters_type = RetargetParameters
+    groups = ()
 
     def __init__(self, node: StageNode[RetargetParameters]) -> None:
         super().__init__(node)

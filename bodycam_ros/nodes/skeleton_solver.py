@@ -37,7 +37,9 @@ class SolverStage(Stage[SolverParameters]):
     collected range of motion, and the cameras' clocks.
     """
 
-    name, parameters_type, groups = "skeleton_solver", SolverParameters, SOLVER_GROUPS
+    name = "skeleton_solver"
+    parameters_type = SolverParameters
+    groups = SOLVER_GROUPS
 
     def __init__(self, node: StageNode[SolverParameters]) -> None:
         super().__init__(node)

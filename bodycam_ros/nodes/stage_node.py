@@ -85,7 +85,9 @@ class Stage(Generic[P]):
     groups: ClassVar[tuple[str, ...]] = ()
 
     def __init__(self, node: "StageNode[P]") -> None:
-        self.node, self.make, self.moments = node, node.make, node.moments
+        self.node = node
+        self.make = node.make
+        self.moments = node.moments
         self.log, self.required = node.get_logger(), node.parameters.required
         self.dropped = DroppedMessages(self.log.warning)
         self._checks: list[Callable[[], None]] = []

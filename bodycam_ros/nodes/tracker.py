@@ -38,7 +38,9 @@ class TrackerStage(Stage[TrackerParameters]):
     camera_info changes, and after the node was inactive.
     """
 
-    name, parameters_type, groups = "tracker", TrackerParameters, TRACKER_GROUPS
+    name = "tracker"
+    parameters_type = TrackerParameters
+    groups = TRACKER_GROUPS
 
     def __init__(self, node: StageNode[TrackerParameters]) -> None:
         super().__init__(node)

@@ -63,7 +63,10 @@ class CameraFront:
         registered_in: ReferenceMap | None = None,
         keyframes: KeyframeDensity | None = None,
     ) -> None:
-        self._camera, self._map, self._settings, self._turn = camera, reference_map, settings, turn
+        self._camera = camera
+        self._map = reference_map
+        self._settings = settings
+        self._turn = turn
         self._registered_in = reference_map if registered_in is None else registered_in
         self._keyframes = None if keyframes is None else KeyframeSelection(camera, keyframes)
         start = readout or UNKNOWN_READOUT

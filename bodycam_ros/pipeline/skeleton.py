@@ -70,7 +70,9 @@ class SkeletonPipeline:
         self._equipment = equipment and fitted_equipment(equipment, body)
         self.body = body = coupled_body(body, self._equipment)
         self._cameras = tuple(cameras)
-        self._settings, self._live, self._on_together = settings, live, on_together
+        self._settings = settings
+        self._live = live
+        self._on_together = on_together
         on_body = [name for name in cameras if name in body.mounts]
         self._static_cameras = static_cameras
         self.clocks = ClockEstimator(body, on_body, settings.clock, evidence_floor(settings.evidence), live)

@@ -117,7 +117,10 @@ class CameraPoseLog:
         span_s: float = math.inf,
         start_ns: int | None = None,
     ) -> None:
-        self._body, self._models, self._inlier_px, self._span_ns = body, cameras, inlier_px, 1e9 * span_s
+        self._body = body
+        self._models = cameras
+        self._inlier_px = inlier_px
+        self._span_ns = 1e9 * span_s
         self._lenses: dict[str, LensEvidence] = {}
         self._given_start_ns = start_ns
         self._reset()

@@ -117,7 +117,9 @@ def _is_outvoted(poses: CameraPoses, found: Contradiction, camera: str) -> bool:
 
 def _other_findings(found: Contradiction, cameras: Sequence[str]) -> Iterator[Finding]:
     """Cameras that end early, leave their segment unobserved, or agree with each other by a wrong lens or clock."""
-    poses, core, mounts = found.poses, found.core, found.poses.body.mounts
+    poses = found.poses
+    core = found.core
+    mounts = found.poses.body.mounts
     last_ns = max((poses.counts[camera].last_registered_ns for camera in cameras), default=0)
     from_ns = poses.start_ns + 1e9 * float(poses.seconds[0]) if len(poses.seconds) else np.inf
     for camera in cameras:

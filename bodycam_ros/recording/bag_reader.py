@@ -198,7 +198,9 @@ class Recording:
         Args:
             rows: camera -> when the image was recorded, and its stamp [ns], as of ``image_times``.
         """
-        wanted, found, before_ns = dict(rows), dict[str, CameraImage](), 0
+        wanted = dict(rows)
+        found = dict[str, CameraImage]()
+        before_ns = 0
         while wanted:
             recorded_ns = [recorded_ns for recorded_ns, _ in wanted.values()]
             start_ns = min(recorded_ns) - before_ns

@@ -140,7 +140,9 @@ def video_writer(path: Path, rate_hz: float) -> Iterator[Callable[[float, Image]
                 height, width = 2 * (picture.shape[0] // 2), 2 * (picture.shape[1] // 2)
                 if not streams:
                     stream = container.add_stream("libx264", rate=rate, options=dict(_FILE_ENCODING))
-                    stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+                    stream.width = width
+                    stream.height = height
+                    stream.pix_fmt = "yuv420p"
                     stream.codec_context.time_base = Fraction(1, _FILE_TICKS_HZ)
                     streams.append(stream)
                 frame = av.VideoFrame.from_ndarray(np.ascontiguousarray(picture[:height, :width]), format="bgr24")

@@ -86,7 +86,9 @@ class DirectRegistration:
         pose_fit: PoseFitSettings,
     ) -> None:
         self._photographs, self._per_cell = photographs, settings.per_cell
-        self._lens, self._scales, self._gains = camera.parameters, local_scales(camera), radial_gains(camera)
+        self._lens = camera.parameters
+        self._scales = local_scales(camera)
+        self._gains = radial_gains(camera)
         self._levels = pyramid_levels(camera.height, camera.width)
         self._image, self._image_before = np.zeros((2, pyramid_size(self._levels)), np.uint8)
         # How often each landmark was found, fading: -0.5 never, 0.5 always, 0 unknown.

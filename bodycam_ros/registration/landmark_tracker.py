@@ -63,7 +63,10 @@ class LandmarkTracker:
         pose_fit: PoseFitSettings,
         turn: CameraTurn | None = None,
     ) -> None:
-        self._features, self._map, self._pose_fit, self._turn = features, reference_map, pose_fit, turn
+        self._features = features
+        self._map = reference_map
+        self._pose_fit = pose_fit
+        self._turn = turn
         self._direct: DirectRegistration | None = None
         if settings.enabled and reference_map is not None and reference_map.photographs is not None:
             self._direct = DirectRegistration(

@@ -138,9 +138,13 @@ def align_patches(
 def _along_plane(nx: float, ny: float, nz: float) -> tuple[float, float, float, float, float, float]:
     """Two unit vectors along the plane of a unit normal."""
     if abs(nx) < 0.7:
-        ax, ay, az = 0.0, nz, -ny
+        ax = 0.0
+        ay = nz
+        az = -ny
     else:
-        ax, ay, az = -nz, 0.0, nx
+        ax = -nz
+        ay = 0.0
+        az = nx
     length = math.sqrt(ax * ax + ay * ay + az * az)
     ax, ay, az = ax / length, ay / length, az / length
     return ax, ay, az, ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax
@@ -213,7 +217,10 @@ def _warp(
     by_column_y, by_row_y = int(w10 * scale), int(w11 * scale)
     first_x = int((u - left - reach * (w00 + w01)) * scale)
     first_y = int((v - top - reach * (w10 + w11)) * scale)
-    one, below, rest, share = np.uint64(1), np.uint64(width), 2**_BITS - 1, single(1.0 / scale)
+    one = np.uint64(1)
+    below = np.uint64(width)
+    rest = 2**_BITS - 1
+    share = single(1.0 / scale)
     for j in range(_RING):
         x, y = first_x + j * by_row_x, first_y + j * by_row_y
         for i in range(_RING):
@@ -235,7 +242,10 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Single, patch: 
     """
     start, height, width = level[0], level[1], level[2]
     count = PATCH * PATCH
-    n, mean, mean_x, mean_y = 0, 0.0, 0.0, 0.0
+    n = 0
+    mean = 0.0
+    mean_x = 0.0
+    mean_y = 0.0
     for j in range(1, _RING - 1):
         for i in range(1, _RING - 1):
             patch[0, n] = ring[j, i]
@@ -244,7 +254,12 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Single, patch: 
             mean, mean_x, mean_y = mean + patch[0, n], mean_x + patch[1, n], mean_y + patch[2, n]
             n += 1
     mean, mean_x, mean_y = mean / count, mean_x / count, mean_y / count
-    g00, g01, g02, g11, g12, g22 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    g00 = 0.0
+    g01 = 0.0
+    g02 = 0.0
+    g11 = 0.0
+    g12 = 0.0
+    g22 = 0.0
     for n in range(count):
         t, x, y = patch[0, n] - mean, patch[1, n] - mean_x, patch[2, n] - mean_y
         patch[0, n], patch[1, n], patch[2, n] = t, x, y
@@ -258,7 +273,9 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Single, patch: 
     if least < _LEAST_SLOPE:
         return u, v, math.nan
     determinant = s11 * s22 - s12 * s12
-    x_now, y_now, likeness = u, v, math.nan
+    x_now = u
+    y_now = v
+    likeness = math.nan
     reach = 0.5 * (PATCH - 1)
     for _ in range(_MOST_STEPS):
         left, top = x_now - reach, y_now - reach
@@ -266,10 +283,17 @@ def _align(image: Bytes, level: Whole, u: float, v: float, ring: Single, patch: 
             return u, v, math.nan
         column, row = int(left), int(top)
         x, y = left - column, top - row
-        c00, c01, c10, c11 = (1.0 - x) * (1.0 - y), x * (1.0 - y), (1.0 - x) * y, x * y
+        c00 = (1.0 - x) * (1.0 - y)
+        c01 = x * (1.0 - y)
+        c10 = (1.0 - x) * y
+        c11 = x * y
         a00, a01, a10, a11 = np.float32(c00), np.float32(c01), np.float32(c10), np.float32(c11)
         zero = np.float32(0)
-        total, squares, r0, r1, r2 = zero, zero, zero, zero, zero
+        total = zero
+        squares = zero
+        r0 = zero
+        r1 = zero
+        r2 = zero
         for j in range(PATCH):
             start_of_row, n = start + (row + j) * width + column, PATCH * j
             upper = image[start_of_row : start_of_row + PATCH + 1]

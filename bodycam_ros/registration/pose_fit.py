@@ -85,7 +85,9 @@ def fit_pose(
         inlier_px: final scale of the kernel, and error of an inlier [px].
         start_px: widest scale of the kernel [px].
     """
-    shares, motion_vector, world_T_previous = _NOTHING, _NOTHING, world_T_camera
+    shares = _NOTHING
+    motion_vector = _NOTHING
+    world_T_previous = world_T_camera
     if motion is not None and motion.is_rolling:
         shares, motion_vector = row_shares(camera, pixels), motion.as_vector
         world_T_previous = motion.world_T_previous

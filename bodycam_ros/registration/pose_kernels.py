@@ -28,7 +28,11 @@ _DAMPING = 1e-9
 _LEAST = 1e-9
 
 # The camera's motion as a vector.
-_READOUT_TIME, _READOUT_SIGMA, _GAIN, _TWIST, _SIGMAS = 0, 1, 2, 8, 14
+_READOUT_TIME = 0
+_READOUT_SIGMA = 1
+_GAIN = 2
+_TWIST = 8
+_SIGMAS = 14
 
 
 @kernel("(f8[::1], f8[:, ::1], f8[:, ::1], f8[:, ::1], f8, f8, f8, i8, f8[::1], f8[::1], f8[:, ::1])")
@@ -64,7 +68,9 @@ def fit_kernel(
     count, unknowns = len(pixels), 13 if len(motion) else 6
     errors_px = np.empty(count)
     hessian, gradient = np.empty((unknowns, unknowns)), np.empty(unknowns)
-    pose, bend, readout_time = world_T_start, np.zeros(6), motion[_READOUT_TIME] if len(motion) else 0.0
+    pose = world_T_start
+    bend = np.zeros(6)
+    readout_time = motion[_READOUT_TIME] if len(motion) else 0.0
     stiffness = _stiffness(motion, pixel_sigma)
     twist = _twist(pose, bend, motion, world_T_previous)
     _linearise(
@@ -190,7 +196,9 @@ def _linearise(
 
     A landmark out of view is infinitely far off and takes no part.
     """
-    unknowns, by_u, by_v = len(gradient), np.empty(len(gradient)), np.empty(len(gradient))
+    unknowns = len(gradient)
+    by_u = np.empty(len(gradient))
+    by_v = np.empty(len(gradient))
     hessian[:], gradient[:] = 0.0, 0.0
     for i in range(len(pixels)):
         x, y, z = _in_camera(pose, points_world, i)

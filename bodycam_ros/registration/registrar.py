@@ -117,7 +117,9 @@ class Registrar:
             What is known after it, and its registration.
         """
         tracks = tracks_in_frame(known.tracks, frame, self.map)
-        pose, predicted, motion = self._accept(frame, tracks), None, None
+        pose = self._accept(frame, tracks)
+        predicted = None
+        motion = None
         if pose is None:
             rotation, readout_time = frame.measured_rotation, known.readout.in_use
             predicted = known.motion.predict(frame.stamp_ns - frame.previous_stamp_ns, rotation)

@@ -101,7 +101,9 @@ def extend_map(
         while len(rounds) < settings.extension.rounds:
             step = f"round {len(rounds) + 1}"
             mapper = LocalMapper(make_extendable(reference_map, _CAPACITY), partners=_PARTNERS)
-            images, registered, absolute = Counter[str](), Counter[str](), 0
+            images = Counter[str]()
+            registered = Counter[str]()
+            absolute = 0
             # Absolute and relative registration, by photographs and by added landmarks (A 4.1).
             for image in registered_images(task, models, jobs, partial(on_progress, step)):
                 images[image.camera] += 1

@@ -51,7 +51,9 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         BodycamError: anything that is wrong with the input, see the stages.
     """
     warm_up()
-    started, settings, outside = time.monotonic(), request.settings, request.outside
+    started = time.monotonic()
+    settings = request.settings
+    outside = request.outside
     with ExitStack() as stack:
         # What was recorded, who wears the cameras, and where they are.
         recording = stack.enter_context(open_recording(request.recording, request.names))

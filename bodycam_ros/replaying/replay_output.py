@@ -66,8 +66,13 @@ class ReplayOutput:
         equipment: Equipment | None,
         summary: ReplaySummary,
     ) -> None:
-        self._writer, self._skeleton, self._body, self._log = writer, skeleton, skeleton.body, log
-        self._map, self._equipment, self._summary = reference_map, equipment, summary
+        self._writer = writer
+        self._skeleton = skeleton
+        self._body = skeleton.body
+        self._log = log
+        self._map = reference_map
+        self._equipment = equipment
+        self._summary = summary
         self._make = recorded_messages()
         self._diagnostics = RegistrationDiagnostics(cameras)
         self._report_due_ns = self._latest_ns = 0

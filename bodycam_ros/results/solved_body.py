@@ -113,7 +113,9 @@ class BodyMessages:
         body = published_body(bag)
         if body is None:
             raise missing_topic(bag, f"no body on {ROBOT}")
-        self._path, self._body, self._names = bag.path, body, JointAngles(body).names
+        self._path = bag.path
+        self._body = body
+        self._names = JointAngles(body).names
         self._angles: dict[int, Array] = {}
         self._root: dict[int, tuple[Array, Array]] = {}
         self._coupled = EquipmentLog()

@@ -60,7 +60,9 @@ def write_robot(
     solved = read_solved_body(source, progress)
     following = Retargeting(solved.body, robot)
     poses = JointAngles(solved.body).forward_kinematics(solved.world_T_root, solved.joint_angles)
-    states, cpu_s, make = list[RobotState](), 0.0, recorded_messages()
+    states = list[RobotState]()
+    cpu_s = 0.0
+    make = recorded_messages()
     stamps_ns = solved.stamps_ns.tolist()
     with write_recording(output, force, _COMMAND) as writer, progress.step("robot", len(stamps_ns)) as advance:
         Provenance.read(source).copy_to(writer, stamps_ns[0])

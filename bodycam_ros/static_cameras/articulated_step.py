@@ -47,7 +47,9 @@ class ArticulatedStep:
     """
 
     def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
-        self._body, self._tangent, self._limits = body, TreeTangent(body), JointLimits(body)
+        self._body = body
+        self._tangent = TreeTangent(body)
+        self._limits = JointLimits(body)
         self._obeys_limits = obeys_limits
         self._beside = body.named(body.equipment_segments)
         self._columns = np.flatnonzero(~self._tangent.columns_of(self._beside[body.joint_ends[:, 1]]))

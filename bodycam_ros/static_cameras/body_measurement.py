@@ -101,7 +101,9 @@ class BodyMeasurement:
     ) -> None:
         self._shape = BodyShape(body, settings)
         self._size = self._shape.size + BULGES * len(body.segments)
-        self._stations, self._frames, self._placed = stations, frames, placed
+        self._stations = stations
+        self._frames = frames
+        self._placed = placed
         self._unreadable: set[str] = set()
         self._region, self._motion = region, motion
         self._on_progress = on_progress

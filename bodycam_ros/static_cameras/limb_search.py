@@ -70,7 +70,9 @@ class LimbSearch:
         refine: Callable[[Array], Array],
         random: np.random.Generator,
     ) -> None:
-        self._body, self._energy, self._refine = body, energy, refine
+        self._body = body
+        self._energy = energy
+        self._refine = refine
         limits = JointLimits(body)
         self._angles = limits.angles
         self._low = np.where(np.isfinite(limits.low), limits.low, -_UNKNOWN_RANGE)

@@ -144,7 +144,9 @@ class RegionTracker:
         children = [self.body.named(self.body.tree_joints[row].child for row in arm) for arm in arms]
         root, beside = self.body.segment_index[self.body.root], self.body.named(self.body.equipment_segments)
         first = self.body.joint_poses(placed)
-        best, most, start = first.copy(), np.full(len(arms), -np.inf), placed
+        best = first.copy()
+        most = np.full(len(arms), -np.inf)
+        start = placed
 
         def at(motion: Array) -> Array:
             return np.where(beside[:, None, None], placed, self.body.forward_kinematics(placed[root], motion))

@@ -40,7 +40,9 @@ class ShapeEvidence:
     """
 
     def __init__(self, shape: BodyShape, lasting: Array, settings: RegionSettings) -> None:
-        self._shape, self._settings, self._size = shape, settings, len(lasting)
+        self._shape = shape
+        self._settings = settings
+        self._size = len(lasting)
         shares, bulges = lasting[: shape.size], lasting[shape.size :].reshape(-1, BULGES)
         self.body = with_usual_limits(shape.shaped(shares))
         self._capsules = capsule_surfaces(self.body)

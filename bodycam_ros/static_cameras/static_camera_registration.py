@@ -158,7 +158,10 @@ class StaticCameraRegistration:
 
         Nothing, and the pose as it was, if the map has no photographs, or too few images show something of them.
         """
-        settings, photographs, fit, views = self._settings, self._map.photographs, start, dict[int, _View]()
+        settings = self._settings
+        photographs = self._map.photographs
+        fit = start
+        views = dict[int, _View]()
         if photographs is None or not settings.direct.enabled:
             return views, start
         asked = replace(settings.direct, per_cell=_PER_CELL)

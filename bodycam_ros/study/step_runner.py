@@ -52,7 +52,10 @@ class StepRunner:
     """
 
     def __init__(self, notes: DoneSteps, cores: int, logs: Path | None, lock: int) -> None:
-        self._notes, self._cores, self._logs, self._lock = notes, cores, logs, lock
+        self._notes = notes
+        self._cores = cores
+        self._logs = logs
+        self._lock = lock
         self._processes: list[subprocess.Popen[bytes]] = []
         self._starting, self._is_ending = Lock(), False
         self._parent = ParentPipe()

@@ -115,7 +115,9 @@ class Arrivals:
         counts = Counter(camera for frame in self._recent for camera in frame)
         if not counts:
             return {}
-        most, late, silent = max(counts.values()), self._late_by_camera, self.silent
+        most = max(counts.values())
+        late = self._late_by_camera
+        silent = self.silent
         apart_s = self._timeline.apart_s
         return {
             camera: CameraArrivals(counts[camera] / most, late[camera], camera in silent, apart_s(camera))

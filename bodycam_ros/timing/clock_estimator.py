@@ -75,7 +75,9 @@ class ClockEstimator:
         floor: Array,
         live: bool,
     ) -> None:
-        self._body, self._floor, self._live = body, floor, live
+        self._body = body
+        self._floor = floor
+        self._live = live
         self._cameras = {camera: _Camera() for camera in cameras}
         self._sigma, self._filter = settings.sigma, ClockFilter(settings.sigma)
         self._first_ns = self.latest_ns = self._window_ns = self._filter_ns = -1

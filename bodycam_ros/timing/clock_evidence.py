@@ -90,7 +90,10 @@ def clock_evidence(
     rows = np.flatnonzero(known.sum(axis=1) >= 2)
     if len(rows) < _LEAST_STAMPS:
         return None
-    poses, twists, information, known = poses[rows], twists[rows], information[rows], known[rows]
+    poses = poses[rows]
+    twists = twists[rows]
+    information = information[rows]
+    known = known[rows]
     motion = motion_of_cameras(body, cameras, poses, twists, known, np.zeros(len(cameras), bool))
     errors = log_se3(inverse(poses) @ motion.world_T_camera())
     gradients = (information @ errors[..., None])[..., 0]

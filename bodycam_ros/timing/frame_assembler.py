@@ -77,7 +77,9 @@ class FrameAssembler:
     ) -> None:
         self._tolerance_ns = round(1e9 * settings.sync_tolerance)
         self.max_wait_ns = round(1e9 * settings.max_wait)
-        self._live, self._clocks, self._on_corrected = live, clocks, on_corrected
+        self._live = live
+        self._clocks = clocks
+        self._on_corrected = on_corrected
         self._streams = {camera: CameraStream(self._tolerance_ns) for camera in cameras}
         self._free: frozenset[str] | None = None
         self._common = CommonStamps(clocks) if clocks else None

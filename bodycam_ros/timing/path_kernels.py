@@ -20,8 +20,12 @@ def points_on_curve(
     """The fields of ``PathPoints`` by two images or more; as ``path_points`` otherwise."""
     gaps_s, means, by_image = _between_images(images_ns, world_T_camera)
     wanted, last = len(stamps_ns), len(gaps_s) - 1
-    rows, nearest, count = np.empty(wanted, np.int64), np.empty(wanted, np.int64), 0
-    poses, variances, twists = np.empty((wanted, 4, 4)), np.zeros((wanted, 6)), np.empty((wanted, 6))
+    rows = np.empty(wanted, np.int64)
+    nearest = np.empty(wanted, np.int64)
+    count = 0
+    poses = np.empty((wanted, 4, 4))
+    variances = np.zeros((wanted, 6))
+    twists = np.empty((wanted, 6))
     for row in range(wanted):
         k = min(max(np.searchsorted(images_ns, stamps_ns[row], side="right") - 1, 0), last)
         gap_s = gaps_s[k]
@@ -30,7 +34,9 @@ def points_on_curve(
             continue
         curve = np.empty(6)
         for i in range(6):
-            step, start, end = gap_s * means[k, i], gap_s * by_image[k, i], gap_s * by_image[k + 1, i]
+            step = gap_s * means[k, i]
+            start = gap_s * by_image[k, i]
+            end = gap_s * by_image[k + 1, i]
             curve[i] = s * (start + s * (3.0 * step - 2.0 * start - end + s * (start + end - 2.0 * step)))
             # The curve's own slope shares its errors with the curve: clock offsets by it are off by milliseconds.
             twists[count, i] = (1.0 - s) * by_image[k, i] + s * by_image[k + 1, i]

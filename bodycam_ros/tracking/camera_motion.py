@@ -133,10 +133,14 @@ class CameraMotion:
         if later_R_camera is not None:
             turning = log_so3(later_R_camera.T) / dt_s
         world_T_previous = poses[-1][1] if poses else np.eye(4)
-        gain, rest, sigmas = np.zeros(6), np.zeros(6), _UNKNOWN * TWIST_SIGMAS
+        gain = np.zeros(6)
+        rest = np.zeros(6)
+        sigmas = _UNKNOWN * TWIST_SIGMAS
         if before is not None:
             bend = dt_s / (dt_s + 1e-9 * (poses[-1][0] - poses[-2][0]))
-            gain, rest, sigmas = np.full(6, (1.0 + bend) / dt_s), -bend * before, TWIST_SIGMAS.copy()
+            gain = np.full(6, (1.0 + bend) / dt_s)
+            rest = -bend * before
+            sigmas = TWIST_SIGMAS.copy()
         elif poses:
             gain = np.full(6, 1.0 / dt_s)
         elif later_R_camera is None and angular_velocity is None:

@@ -100,7 +100,9 @@ class FeatureTracker:
         """
         self.check(image, stamp_ns)
         current_R_previous, rotation_inliers = self._follow_tracks(image, stamp_ns, turn)
-        previous_stamp_ns, self._image, self._stamp_ns = self._stamp_ns, image, stamp_ns
+        previous_stamp_ns = self._stamp_ns
+        self._image = image
+        self._stamp_ns = stamp_ns
         keyframe = self._keyframe_is_due()
         fresh = self._replenish(image) if keyframe else {}
         return TrackFrame(
@@ -266,7 +268,9 @@ class FeatureTracker:
         return dict(described=described, descriptors=keypoints.descriptors[fresh], scales=keypoints.scales[fresh])
 
     def _keep(self, kept: NDArray[np.bool_]) -> None:
-        self._pixels, self._ids, self._born_ns = self._pixels[kept], self._ids[kept], self._born_ns[kept]
+        self._pixels = self._pixels[kept]
+        self._ids = self._ids[kept]
+        self._born_ns = self._born_ns[kept]
 
     def _in_mask(self, pixels: NDArray[np.float32]) -> NDArray[np.bool_]:
         columns, rows = np.rint(pixels).astype(int).T if len(pixels) else (np.zeros(0, int), np.zeros(0, int))

@@ -57,7 +57,10 @@ class Editor(Generic[E]):
         changed: Action,
         write: Action,
     ) -> None:
-        self._server, self._parts, self._steps, self._changed = server, parts, [edited], changed
+        self._server = server
+        self._parts = parts
+        self._steps = [edited]
+        self._changed = changed
         self._controls: TransformControlsHandle | None = None
         self._chosen = ""
         self._parent_T_part = np.eye(4)

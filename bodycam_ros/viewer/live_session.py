@@ -29,7 +29,9 @@ class LiveSession(Page):
         self._map = reference_map
         self._body: BodyModel | None = None
         self._scene: Scene | None = None
-        self._count, self._since, self._last = 0, time.monotonic(), float("-inf")
+        self._count = 0
+        self._since = time.monotonic()
+        self._last = float("-inf")
         self._is_framed = False
         self.text = "waiting for /robot_description: is the graph running, on the same ROS_DOMAIN_ID?"
         self._remark = server.gui.add_markdown(markdown_text(self.text))

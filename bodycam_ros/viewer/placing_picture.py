@@ -34,7 +34,9 @@ class PlacingPicture:
     """
 
     def __init__(self, body: BodyModel, views: Mapping[str, RegionModel], images: Mapping[str, Image]) -> None:
-        self._body, self._views, self._images = body, views, images
+        self._body = body
+        self._views = views
+        self._images = images
         self._colours = [EQUIPMENT if s in body.equipment_segments else side_colour(s) for s in body.segments]
         self.cut(False)
 

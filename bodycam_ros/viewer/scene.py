@@ -95,8 +95,13 @@ class Scene:
         stations: Mapping[str, StaticCamera] = MappingProxyType({}),
         read_surfaces: SurfaceReader = lambda body: {},
     ) -> None:
-        self._server, self._scene, self._on_click = server, server.scene, on_click
-        self._body, self.motion, self._stations, self._read_surfaces = body, motion, stations, read_surfaces
+        self._server = server
+        self._scene = server.scene
+        self._on_click = on_click
+        self._body = body
+        self.motion = motion
+        self._stations = stations
+        self._read_surfaces = read_surfaces
         self._index, self._world_T_segment = 0, motion.segments_at(body, 0)
         self._selected: Part | None = None
         self._drawn: BodyModel | None = None  # whose surface is in the scene
@@ -285,7 +290,9 @@ class Scene:
         root = self._world_T_segment[self._body.segment_index[self._body.root]]
         opening = OpeningView.of_body(root, points_world + np.array(self._world.position))
         initial = self._server.initial_camera
-        initial.fov, initial.look_at, initial.position = FIELD_OF_VIEW, opening.look_at, opening.position
+        initial.fov = FIELD_OF_VIEW
+        initial.look_at = opening.look_at
+        initial.position = opening.position
         for client in self._server.get_clients().values():
             client.camera.look_at, client.camera.position = opening.look_at, opening.position
 

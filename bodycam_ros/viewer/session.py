@@ -32,7 +32,9 @@ class Session(Page):
             BodyError: the surface cannot be used.
         """
         super().__init__(server)
-        self._body_file, self._sources, motion = sources.body_file, sources, sources.motion
+        self._body_file = sources.body_file
+        self._sources = sources
+        motion = sources.motion
         self._selected: Part | None = None
         self._camera: str | None = None
         if self._body_file is None:  # beside which the meshes would be that the body names

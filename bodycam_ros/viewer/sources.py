@@ -60,7 +60,9 @@ class Sources:
                 raise ViewError(f"{solved}: is not a solved bag; give a body's file with --body")
             with BagFile(solved) as bag:
                 published = published_body(bag)
-        self.solved, self.recording, self.surface = solved, recording, surface
+        self.solved = solved
+        self.recording = recording
+        self.surface = surface
         self.body_file = None if body_path is None else BodyFile(body_path)
         if self.body_file is not None:
             # A replay with static cameras adds hands.

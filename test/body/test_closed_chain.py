@@ -11,7 +11,10 @@ from bodycam_ros.kinematics.joint import Joint
 
 Array = NDArray[np.float64]
 
-J, P, C, RADIUS = np.array([0.0, 3.0]), np.array([0.0, 5.0]), np.array([0.0, 4.0]), 1.0
+J = np.array([0.0, 3.0])
+P = np.array([0.0, 5.0])
+C = np.array([0.0, 4.0])
+RADIUS = 1.0
 
 
 def at(x: float, y: float) -> Array:

@@ -67,7 +67,9 @@ def filmed(tmp_path_factory):
     stills = rendered(truth, layout, held_poses(truth, layout, 16, size=0.75))
     with av.open(str(folder / "clip.mp4"), "w") as container:
         stream = container.add_stream("libx264", rate=30)
-        stream.width, stream.height, stream.pix_fmt = truth.width, truth.height, "yuv420p"
+        stream.width = truth.width
+        stream.height = truth.height
+        stream.pix_fmt = "yuv420p"
         stream.codec_context.options = {"crf": "14", "preset": "veryfast"}
         for still in stills:
             moving = cv2.blur(np.roll(still, 9, axis=1), (19, 1))

@@ -123,12 +123,16 @@ def test_lengths_that_stay_have_a_covariance_after_minutes() -> None:
     motion = MotionModel(tangent, settings)
     at = Coordinates(tangent, np.tile(np.eye(4), (1 + len(tangent.twists), 1, 1)), np.zeros(tangent.count))
     initial = first_initial(at, motion, coupling)
-    chart, graph, window = Chart(initial.at), gtsam.NonlinearFactorGraph(), Window(tangent.count)
+    chart = Chart(initial.at)
+    graph = gtsam.NonlinearFactorGraph()
+    window = Window(tangent.count)
     graph.add(initial.factor(state_key(0), chart))
     window.add(0, chart, graph, 0)
     prior = coupling.motion.prior(coupling.attachments.active)
     for number in range(1, 101):
-        before, chart, graph = chart, Chart(window.at(number - 1)), gtsam.NonlinearFactorGraph()
+        before = chart
+        chart = Chart(window.at(number - 1))
+        graph = gtsam.NonlinearFactorGraph()
         keys = state_key(number - 1), state_key(number)
         graph.add(motion.between(before.origin, 1.0, prior).factor(keys, (before, chart)))
         window.add(number, chart, graph, number)

@@ -14,7 +14,9 @@ from bodycam_ros.estimation.inertial_factors import InertialSensors, InertialSet
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import GRAVITY
 
-START_NS, FRAME_NS, SAMPLE_NS = 10**12, 33_333_333, 5_000_000
+START_NS = 10**12
+FRAME_NS = 33_333_333
+SAMPLE_NS = 5_000_000
 
 
 @pytest.mark.parametrize(

@@ -164,7 +164,9 @@ def seen_frames(body: BodyModel, count: int, wrong_share: float = 0.0, seed: int
 
 @pytest.mark.parametrize("delay", [0, 4])
 def test_where_gtsam_fails_a_new_window_goes_on(monkeypatch: pytest.MonkeyPatch, delay: int) -> None:
-    body, add, failed = body_with_cameras(), Window.add, list[int]()
+    body = body_with_cameras()
+    add = Window.add
+    failed = list[int]()
 
     def failing(self: Window, number: int, *others: object) -> None:
         if number == 20 and not failed:

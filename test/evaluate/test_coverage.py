@@ -77,7 +77,9 @@ def test_counts_are_those_of_a_projection() -> None:
     """What a camera sees is counted anew, landmark by landmark."""
     reference_map = hall(0.0, 220.0, landmarks=600)
     coverage = measured(reference_map)
-    place, elevation, azimuth = 3, 5, 14
+    place = 3
+    elevation = 5
+    azimuth = 14
     forward_azimuth = np.radians(coverage.azimuths_deg[azimuth])
     forward_elevation = np.radians(coverage.elevations_deg[elevation])
     across = np.array([np.sin(forward_azimuth), -np.cos(forward_azimuth), 0.0])

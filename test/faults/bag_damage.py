@@ -7,7 +7,11 @@ import numpy as np
 from faults.byte_damage import Damage
 
 _MAGIC = b"\x89MCAP0\r\n"
-_SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _FOOTER = 3, 4, 5, 6, 2
+_SCHEMA = 3
+_CHANNEL = 4
+_MESSAGE = 5
+_CHUNK = 6
+_FOOTER = 2
 
 
 def _records(content: bytes) -> Iterator[tuple[int, int, int]]:

@@ -18,7 +18,9 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.registration.reference_map import ReferenceMap
 
-SURVIVED, NAMED, FAULTY = "survived", "named", "faulty"
+SURVIVED = "survived"
+NAMED = "named"
+FAULTY = "faulty"
 FAULTS = ("traceback", "half file", "hang", "unreadable", "silent", "good refused")
 TRACEBACK, HALF, HANG, UNREADABLE, SILENT, REFUSED = FAULTS
 """Unreadable: escape sequences, or more text than anybody reads. Silent: a wrong result that nobody is told of."""

@@ -14,7 +14,9 @@ from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis, CameraDiagno
 from bodycam_ros.kinematics.joint import Joint
 
 SAMPLE_BODY = Path(__file__).parents[2] / "bags" / "body.yaml"
-SHORT_THIGH, STIFF_JOINT, SLIPPED_CAMERA = "thigh_left", "elbow_right", "shin_right"
+SHORT_THIGH = "thigh_left"
+STIFF_JOINT = "elbow_right"
+SLIPPED_CAMERA = "shin_right"
 HINGES = ("elbow_left", "elbow_right", "knee_left", "knee_right")
 
 _BALL_DEG = (112.0, 83.0, 47.0)

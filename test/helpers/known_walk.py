@@ -27,7 +27,9 @@ from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.tracking.track_frame import TrackFrame
 
-START_NS, FRAME_NS, FRAMES = 1_700_000_000_000_000_000, 33_333_333, 60
+START_NS = 1_700_000_000_000_000_000
+FRAME_NS = 33_333_333
+FRAMES = 60
 ROOT_SIGMA_RAD, ROOT_SIGMA_M = 1e-3, 2e-3  # per axis
 LANDMARKS, TRACKS = 20, 25
 LOST: dict[str, tuple[int, ...]] = {"waist": (), "shin": (10, 11, 12, 40)}

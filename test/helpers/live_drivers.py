@@ -72,7 +72,9 @@ class Drivers:
     def _info(self, camera: str) -> Any:
         of = self._infos[camera]
         message = self._make("sensor_msgs/msg/CameraInfo", width=of.width, height=of.height)
-        message.distortion_model, message.d, message.k = of.distortion_model, of.d.tolist(), of.k.tolist()
+        message.distortion_model = of.distortion_model
+        message.d = of.d.tolist()
+        message.k = of.k.tolist()
         return message
 
     def until(self, condition: Any, timeout_s: float, what: str) -> None:

@@ -72,7 +72,10 @@ def add_telemetry(video: Path, path: Path, payloads: list[bytes]) -> Path:
                 packet.stream = copied
                 container.mux(packet)
         time_code = av.Packet(bytes(4))
-        time_code.stream, time_code.time_base, time_code.pts, time_code.dts = before, Fraction(1, 1000), 0, 0
+        time_code.stream = before
+        time_code.time_base = Fraction(1, 1000)
+        time_code.pts = 0
+        time_code.dts = 0
         container.mux(time_code)
         for number, each in enumerate(payloads):
             packet = av.Packet(each)

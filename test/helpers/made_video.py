@@ -91,7 +91,9 @@ def make_video(
             samples = sound(np.arange(length) / SOUND_HZ).astype(np.float32)
             for start in range(0, length, 1024):
                 block = av.AudioFrame.from_ndarray(samples[None, start : start + 1024], format="fltp", layout="mono")
-                block.sample_rate, block.pts, block.time_base = SOUND_HZ, start, Fraction(1, SOUND_HZ)
+                block.sample_rate = SOUND_HZ
+                block.pts = start
+                block.time_base = Fraction(1, SOUND_HZ)
                 container.mux(track.encode(block))
             container.mux(track.encode(None))
     return path

@@ -41,7 +41,10 @@ def _faults(content: bytes, path: Path) -> Iterator[str]:
         return
     data, summary = top[: ends[0]], [record for _, _, record in top[ends[0] + 1 :]]
     yield from _checksums(content, top)
-    messages, schemas, channels, indexed = Counter[int](), {}, {}, Counter[int]()
+    messages = Counter[int]()
+    schemas = {}
+    channels = {}
+    indexed = Counter[int]()
     times: list[int] = []
     chunks: dict[int, tuple[int, Chunk, dict[int, list[tuple[int, int]]]]] = {}
     for at, end, record in data:

@@ -17,7 +17,10 @@ from bodycam_ros.camera.lens_kernels import (
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TINY, STEPS, CONVERGED, ACCEPTED = 1e-300, 20, 1e-14, 1e-11
+TINY = 1e-300
+STEPS = 20
+CONVERGED = 1e-14
+ACCEPTED = 1e-11
 
 
 def is_perspective(camera: CameraModel) -> bool:

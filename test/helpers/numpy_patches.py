@@ -16,10 +16,14 @@ Levels = list[NDArray[np.uint8]]
 
 BORDER_PX = 6.0
 LEAST_COSINE = 0.2
-MOST_STEPS, STILL_PX, FARTHEST_PX = 8, 0.02, 4.0
+MOST_STEPS = 8
+STILL_PX = 0.02
+FARTHEST_PX = 4.0
 LEAST_SLOPE = 300.0
 MOST_ABOVE = 4
-CELLS, LEAST_SIGMA_PX, LEAST_AXIS_COSINE = 8, 0.8, np.cos(np.radians(84.0))
+CELLS = 8
+LEAST_SIGMA_PX = 0.8
+LEAST_AXIS_COSINE = np.cos(np.radians(84.0))
 
 
 def project_moving_in_numpy(

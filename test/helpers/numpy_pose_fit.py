@@ -142,7 +142,9 @@ class Problem:
         settings: PoseFitSettings,
         motion: ImageMotion | None,
     ) -> None:
-        self._camera, self._points_world, self._pixels = camera, points_world, pixels
+        self._camera = camera
+        self._points_world = points_world
+        self._pixels = pixels
         self._settings = settings
         self._motion = motion if motion is not None and motion.is_rolling else None
         if self._motion is not None:

@@ -15,7 +15,9 @@ Array = NDArray[np.float64]
 _FINE = 2  # samples of a pixel along each side
 _TEXELS = 600  # along the longer side of the paper: about as many as samples, so that nothing is between two of them
 _MARGIN = 0.06  # of paper around what is printed, of the longer side
-_DARK, _PAPER, _WALL = 22.0, 225.0, 110.0
+_DARK = 22.0
+_PAPER = 225.0
+_WALL = 110.0
 
 
 class RenderedBoard:

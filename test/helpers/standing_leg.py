@@ -13,7 +13,9 @@ SHIN_M = 0.43
 _, BALL = sole_points(SHIN_M)
 ROLLS, SWINGS = range(20, 30), range(30, 42)
 FRAMES = 62
-STRIDE_M, PITCH_RAD, TURN_RAD = 0.7, 0.7, 0.3
+STRIDE_M = 0.7
+PITCH_RAD = 0.7
+TURN_RAD = 0.3
 
 NOISE = np.diag(np.repeat([0.0005, 0.001], 3) ** 2)
 
@@ -30,7 +32,9 @@ def leg() -> BodyModel:
 
 def true_poses(frame: int) -> Array:
     """world_T_segment (2, 4, 4); the sole stands on the floor."""
-    pitch, ahead, lift = 0.0, 0.0, 0.0
+    pitch = 0.0
+    ahead = 0.0
+    lift = 0.0
     if frame in ROLLS:
         pitch = PITCH_RAD * ((frame - ROLLS[0]) / len(ROLLS)) ** 2
     elif frame in SWINGS:

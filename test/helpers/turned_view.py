@@ -6,7 +6,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import camera_from_info
 
-WIDTH, HEIGHT, FOCAL = 640, 480, 500.0
+WIDTH = 640
+HEIGHT = 480
+FOCAL = 500.0
 CAMERA = camera_from_info(
     "hand", WIDTH, HEIGHT, "plumb_bob", [], [FOCAL, 0, (WIDTH - 1) / 2, 0, FOCAL, (HEIGHT - 1) / 2, 0, 0, 1]
 )

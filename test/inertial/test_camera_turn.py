@@ -9,7 +9,10 @@ from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.tracking.camera_motion import CameraMotion
 
-START_NS, SECONDS, RATE_HZ, STEP_S = 10**9, 30.0, 200, 0.0005
+START_NS = 10**9
+SECONDS = 30.0
+RATE_HZ = 200
+STEP_S = 0.0005
 IMAGE_NS = 200_000_000
 TURN_ON = np.array([8e-4, -6e-4, 5e-4])  # [rad/s] of the bias since the calibration
 CALIBRATION = ImuCalibration(

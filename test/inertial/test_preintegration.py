@@ -127,7 +127,9 @@ def test_the_kernel_integrates_as_numpy_does() -> None:
     stamps_ns = np.append(0, np.cumsum(random.integers(1_000_000, 20_000_000, 49)))
     samples = ImuSamples(stamps_ns, samples.angular_velocity, samples.acceleration)
     R, once, twice, readings = integrate(samples, stamps_ns)
-    orientation, first, second = np.eye(3), np.zeros(12), np.zeros(12)
+    orientation = np.eye(3)
+    first = np.zeros(12)
+    second = np.zeros(12)
     for row, h in enumerate(1e-9 * np.diff(stamps_ns)):
         turned = orientation @ exp_so3(0.5 * h * (readings[row, :3] + readings[row + 1, :3]))
         before, after = (

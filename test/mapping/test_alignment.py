@@ -11,7 +11,9 @@ from bodycam_ros.mapping.board_alignment import align_to_board
 
 PLACES = [(0.1, -0.6, 0.7), (0.6, 0.3, 0.5), (-0.4, 0.2, 0.9), (-0.5, -0.4, 0.6), (0.2, 0.6, 0.8)]
 # Structure from motion leaves scale and frame open: x_sfm = scale R x_board + t.
-SCALE, R, T = 0.37, exp_so3(np.array([0.5, -1.1, 0.8])), np.array([1.0, -2.0, 0.5])
+SCALE = 0.37
+R = exp_so3(np.array([0.5, -1.1, 0.8]))
+T = np.array([1.0, -2.0, 0.5])
 
 
 def moved(board_T_camera):

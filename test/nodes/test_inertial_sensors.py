@@ -127,11 +127,9 @@ def test_live_with_sensors_agrees_with_a_replay_while_all_cameras_are_dark(
     assert dark.sum() == len(DARK)
     of_true = np.abs(live.stamps_ns[:, None] - true.stamps_ns).argmin(axis=1)
     for link in (f"{camera}_optical_frame" for camera in CAMERAS):
-        by_live, by_replay, at = (
-            live.world_T_link[link],
-            replayed.world_T_link[link][nearest],
-            true.world_T_link[link][of_true],
-        )
+        by_live = live.world_T_link[link]
+        by_replay = replayed.world_T_link[link][nearest]
+        at = true.world_T_link[link][of_true]
         turned = np.swapaxes(by_live[:, :3, :3], 1, 2) @ by_replay[:, :3, :3]
         assert np.degrees(np.linalg.norm(log_so3(turned), axis=1)).max() <= ANGLE_DEG, link
         apart_m = np.linalg.norm(by_live[:, :3, 3] - by_replay[:, :3, 3], axis=1)

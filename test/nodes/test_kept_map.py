@@ -29,7 +29,9 @@ class Tracker:
     def __init__(self, graph: Any, camera: CameraModel = CAMERA) -> None:
         from bodycam_ros.nodes.parameters import node_messages
 
-        self._graph, self._make, self._camera = graph, node_messages(), camera
+        self._graph = graph
+        self._make = node_messages()
+        self._camera = camera
         graph.listen({f"/{camera.name}/landmarks": "bodycam_msgs/msg/LandmarkMatches"})
         graph.listen({"/diagnostics": "diagnostic_msgs/msg/DiagnosticArray"})
         self._tracks = graph.publisher(f"/{camera.name}/tracks", "bodycam_msgs/msg/FeatureTracks")
@@ -44,7 +46,9 @@ class Tracker:
     def inform(self, readers_before: int = 0) -> None:
         self._graph.until(lambda: self.readers() > readers_before, _START_S, "the registration listens")
         info = self._make("sensor_msgs/msg/CameraInfo", width=CAMERA.width, height=CAMERA.height)
-        info.distortion_model, info.d, info.k = "equidistant", [0.0] * 4, [float(value) for value in K]
+        info.distortion_model = "equidistant"
+        info.d = [0.0] * 4
+        info.k = [float(value) for value in K]
         self._infos.publish(info)
 
     def say(self, *points: np.ndarray, descriptors: np.ndarray, anew: bool = False) -> LandmarkMatches:

@@ -12,7 +12,9 @@ from bodycam_ros.graph.declared_graph import GraphNode
 
 CAMERA = "waist_front"
 TRACKS, LANDMARKS = f"/{CAMERA}/tracks", f"/{CAMERA}/landmarks"
-JOINTS, DESCRIPTION, POINTS = "/joint_states", "/robot_description", "/map/points"
+JOINTS = "/joint_states"
+DESCRIPTION = "/robot_description"
+POINTS = "/map/points"
 _START_S, _SOON_S = 60.0, 60.0
 
 

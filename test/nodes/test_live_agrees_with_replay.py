@@ -23,7 +23,10 @@ from bodycam_ros.replaying.replay import replay
 from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.results.solved_recording import read_solved
 
-ANGLE_DEG, POSITION_M, COVERAGE, LATE = 0.5, 0.005, 0.98, 0.01
+ANGLE_DEG = 0.5
+POSITION_M = 0.005
+COVERAGE = 0.98
+LATE = 0.01
 SOME = ("waist_front", "torso_front", "thigh_left", "shin_left")
 FRAMES = 30
 MASS_KG = 72.5

@@ -20,7 +20,9 @@ from bodycam_ros.replaying.replay import replay
 from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.results.solved_recording import read_solved
 
-ANGLE_DEG, POSITION_M, COVERAGE = 0.5, 0.005, 0.98
+ANGLE_DEG = 0.5
+POSITION_M = 0.005
+COVERAGE = 0.98
 CAMERAS = ("waist_front", "torso_front", "thigh_left")
 FRAMES = 45
 

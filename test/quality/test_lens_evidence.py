@@ -11,8 +11,12 @@ from bodycam_ros.quality.lens_evidence import LensDeviation, LensEvidence
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings, fit_pose
 
-WIDTH, HEIGHT, FOCAL = 640, 480, 240.0
-IMAGES, LANDMARKS, PIXEL_SIGMA = 8, 60, 0.4
+WIDTH = 640
+HEIGHT = 480
+FOCAL = 240.0
+IMAGES = 8
+LANDMARKS = 60
+PIXEL_SIGMA = 0.4
 
 
 def lens(focal: float = FOCAL, cx: float = 319.5, rim: float = 0.0) -> CameraModel:

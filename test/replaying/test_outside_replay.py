@@ -35,7 +35,9 @@ def test_a_painted_person_is_followed_in_the_frame_of_the_stations(
     sample: Path, painted: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Without a map, and without body cameras: joint states, odometry, what each station said, and a picture of it."""
-    dressed, out, meshes = dressed_body(sample), tmp_path / "out", tmp_path / "meshes"
+    dressed = dressed_body(sample)
+    out = tmp_path / "out"
+    meshes = tmp_path / "meshes"
     meshes.mkdir()
     for name, surface in dressed.surfaces.items():
         trimesh.Trimesh(surface.vertices, surface.faces).export(meshes / f"{name}.ply")

@@ -90,7 +90,9 @@ def test_landmarks_of_the_sample_fall_where_they_were_seen(sample: Path, sample_
     assert image is not None
     world_T_segment = motion.segments_at(body, instant)
     world_T_camera = world_T_segment[body.segment_index["shin_left"]] @ body.mounts["shin_left"].segment_T_camera
-    limbs, found, model = body_bones(body, world_T_segment), footage.matches_of(image), footage.model("shin_left")
+    limbs = body_bones(body, world_T_segment)
+    found = footage.matches_of(image)
+    model = footage.model("shin_left")
     right = draw_picture(image, model, world_T_camera, limbs, found)
     assert right.error_px < 2.0
     wrong = draw_picture(image, model, world_T_camera @ rigid(np.eye(3), np.array([0.05, 0, 0])), limbs, found)

@@ -18,7 +18,9 @@ from bodycam_ros.static_cameras.start_file import write_start
 
 Array = NDArray[np.float64]
 
-FRAMES, START_NS, FRAME_NS = 10, 1_700_000_000_000_000_000, 33_333_333
+FRAMES = 10
+START_NS = 1_700_000_000_000_000_000
+FRAME_NS = 33_333_333
 
 
 def dressed_body(sample: Path) -> DressedBody:

@@ -14,7 +14,9 @@ from bodycam_ros.static_cameras.contour_kernels import find_contour
 
 Array = NDArray[np.float64]
 
-SPACING_PX, SHRINK, MOST = 3.0, 2, 4000
+SPACING_PX = 3.0
+SHRINK = 2
+MOST = 4000
 LENSES = {
     "plumb_bob": camera_from_info(
         "near", 640, 480, "plumb_bob", [-0.06, 0.025, 0.0004, -0.0003, 0.0], [470, 0, 318.3, 0, 471, 240.7, 0, 0, 1]

@@ -26,7 +26,9 @@ from bodycam_ros.static_cameras.start_file import PlacedBody, start_poses
 
 pytestmark = pytest.mark.long
 
-INSTANTS, STATIONS, STEP_NS = 9, 4, 100_000_000
+INSTANTS = 9
+STATIONS = 4
+STEP_NS = 100_000_000
 OFF, THICK = 0.05, 0.06
 
 # Painted people are capsules, and no two of their lines err together.

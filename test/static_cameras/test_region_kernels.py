@@ -12,7 +12,10 @@ from bodycam_ros.static_cameras.region_kernels import BINS, COLOURS, measure_lin
 Array = NDArray[np.float64]
 Image = NDArray[np.uint8]
 
-WIDTH, HEIGHT, SHRINK, LEAST_PX = 160, 120, 2, 0.7
+WIDTH = 160
+HEIGHT = 120
+SHRINK = 2
+LEAST_PX = 0.7
 RED, GREEN = (40, 30, 200), (60, 180, 50)
 
 

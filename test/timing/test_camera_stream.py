@@ -41,7 +41,9 @@ def image(number: int, known: bool = True, offset_px: float = 0.0) -> LandmarkMa
 
 
 def said_of(instants_ns: list[int], images: list[LandmarkMatches]) -> list[LandmarkMatches]:
-    stream, said, waiting = CameraStream(0), [], sorted(instants_ns)
+    stream = CameraStream(0)
+    said = []
+    waiting = sorted(instants_ns)
     stream.set_free(True, -1)
     for each in images:
         stream.add(each)

@@ -47,7 +47,9 @@ def camera_rows(
         sigmas: from which on a measurement counts less (Black and Rangarajan 1996: Cauchy's weight); or infinity.
     """
     count, size = len(rows), jacobians.shape[2]
-    errors, by_step, scaled = np.empty(6 * count), np.zeros((6 * count, size)), np.empty((6, 6))
+    errors = np.empty(6 * count)
+    by_step = np.zeros((6 * count, size))
+    scaled = np.empty((6, 6))
     for n in range(count):
         tangents = jacobians[rows[n]]
         r = log_se3(compose(inverse(poses[rows[n]]), measured[n]))
@@ -95,7 +97,10 @@ def camera_equations(
     residuals, by_step = np.empty((count, 6)), np.zeros((count, 6, size))
     weighted, columns = np.empty((6, size)), np.empty(size, np.int64)
     for n in range(count):
-        tangents, r, J, W = jacobians[rows[n]], residuals[n], by_step[n], information[n]
+        tangents = jacobians[rows[n]]
+        r = residuals[n]
+        J = by_step[n]
+        W = information[n]
         r[:] = log_se3(compose(inverse(poses[rows[n]]), measured[n]))
         by_tangent = log_se3_jacobian(r)
         used = 0

@@ -56,7 +56,9 @@ def on_state(
         at = chart.at(x)
         if H is None:
             return np.concatenate([factor.error(at) for factor in factors])
-        errors, jacobian, end = np.empty(rows), np.zeros((rows, first + chart.size), order="F"), 0
+        errors = np.empty(rows)
+        jacobian = np.zeros((rows, first + chart.size), order="F")
+        end = 0
         for factor in factors:
             part = slice(end, end := end + factor.rows)
             errors[part], by_step = factor.linearise(at)

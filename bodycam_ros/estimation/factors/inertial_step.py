@@ -38,7 +38,10 @@ class InertialStep:
 
     def residual(self, before: Array, after: Array, *twists: Array) -> tuple[Array, Array, Array]:
         """See ``SegmentStep``."""
-        dt, lever, R1, R2 = self.seconds, hat(self.place), before[:3, :3], after[:3, :3]
+        dt = self.seconds
+        lever = hat(self.place)
+        R1 = before[:3, :3]
+        R2 = after[:3, :3]
         u1, u2 = (
             twist[3:] - lever @ spin for twist, spin in zip(twists, (self.spin_before, self.spin_after), strict=True)
         )

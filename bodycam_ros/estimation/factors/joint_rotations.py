@@ -95,7 +95,9 @@ class SoftSlides:
 
     def linearise(self, at: Coordinates) -> tuple[Array, Array]:
         """See ``StateFactor``."""
-        errors, jacobian, end = np.empty(self.rows), np.zeros((self.rows, self._tangent.count)), 0
+        errors = np.empty(self.rows)
+        jacobian = np.zeros((self.rows, self._tangent.count))
+        end = 0
         for row, soft, sigmas in self._soft:
             part = slice(end, end := end + len(soft))
             twists, xi = self._tangent.twists[row], log_se3(at.joints[row])

@@ -56,7 +56,9 @@ def test_a_turn_that_is_as_measured_has_no_error() -> None:
 
 def test_an_inertial_step_is_in_sigmas() -> None:
     """By the covariance of velocity and place: noise of the acceleration, and errors of both beside it."""
-    dt, density, sigma = 0.2, 1e-4, 0.01
+    dt = 0.2
+    density = 1e-4
+    sigma = 0.01
     exact = InertialStep(0, PLACE, dt, *np.zeros((4, 3)), density=density, sigma=sigma, with_position=True)
     twists = np.zeros((2, 6))
     # Residuals are linear in what was preintegrated: the steps of each make the square root of the information.
