@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.graph.declared_graph import GraphArguments, GraphNode, graph
-from bodycam_ros.nodes.moments import COLUMNS, Instant, Moment
+from bodycam_ros.nodes.moments import COLUMNS, ClockTimes, Moment
 
 
 class Noted(NamedTuple):
@@ -38,7 +38,7 @@ class Noted(NamedTuple):
     moment: Moment
     camera: str
     stamp_ns: int
-    at: Instant
+    at: ClockTimes
 
 
 STAGES = ("play", "track", "register", "way", "later", "solve")
@@ -321,6 +321,6 @@ def read_moments(path: Path) -> list[Noted]:
             lines = csv.reader(file)
             if tuple(next(lines)) != COLUMNS:
                 raise ValueError("its columns are others")
-            return [Noted(Moment(what), camera, int(a), Instant(int(b), int(c))) for what, camera, a, b, c in lines]
+            return [Noted(Moment(what), camera, int(a), ClockTimes(int(b), int(c))) for what, camera, a, b, c in lines]
     except (OSError, ValueError, StopIteration) as error:
         raise RecordingError(f"{path}: no moments of a process ({error})") from error

@@ -29,6 +29,7 @@ def test_nodes_that_are_stopped_by_a_signal_leave_with_code_0(graph: Any) -> Non
 def test_a_node_that_is_interrupted_while_python_starts_leaves_with_code_0(number: int) -> None:
     """As the launch file starts it: with both signals blocked from before Python handles any."""
     command = ["env", "--block-signal=INT,TERM", sys.executable, "-m", "bodycam_ros.nodes.start", "tracker"]
+    command += ["--ros-args", "-p", "camera:=left"]
     for late_s in (0.0, 0.02, 0.05, 0.2):
         node = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         while "python" not in Path(f"/proc/{node.pid}/exe").resolve().name:

@@ -20,7 +20,7 @@ from bodycam_ros.tracking.track_frame import TrackFrame
 CAMERA = body_camera()
 UNKNOWN = unknown_points(100)
 _START_S, _SOON_S = 60.0, 60.0
-_PART = "registration: grown map"
+_PART = "registration: extended map"
 
 
 class Tracker:
