@@ -1,8 +1,9 @@
 """How a long computation reports its progress."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol, TypeVar
 
 T = TypeVar("T")
@@ -21,6 +22,28 @@ class Progress(Protocol):
 
     def step(self, name: str, total: int) -> AbstractContextManager[Advance]:
         """Begin a step of ``total`` units; leaving the context ends it."""
+
+
+class ShownShares(ABC):
+    """Progress that is shown by the share of a step that is done."""
+
+    @abstractmethod
+    def show(self, step: str, share: float) -> None:
+        """Show that so much of a step is done, 0 to 1."""
+
+    @contextmanager
+    def step(self, name: str, total: int) -> Iterator[Advance]:
+        """Show a step of ``total`` units."""
+        done = 0
+        self.show(name, 0.0)
+
+        def advance(units: int = 1) -> None:
+            nonlocal done
+            done += units
+            self.show(name, done / max(1, total))
+
+        yield advance
+        self.show(name, 1.0)
 
 
 def in_parallel(

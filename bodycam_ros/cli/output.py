@@ -13,7 +13,7 @@ from bodycam_ros.cli.progress_lines import ProgressLines
 from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.evaluate.sections import Section
-from bodycam_ros.progress import Advance
+from bodycam_ros.progress import ShownShares
 from bodycam_ros.results.verdict import WRONG_RESULT, Level, Verdict
 
 _LIST_WIDTH = 27  # columns of a list at the end of a row, which is folded before a figure is
@@ -61,7 +61,7 @@ def _print_section(terminal: Terminal, section: Section) -> None:
     terminal.print(table)
 
 
-class ProgressBars:
+class ProgressBars(ShownShares):
     """A bar for each step, in the order in which they start."""
 
     def __init__(self, bars: Progress) -> None:
@@ -74,20 +74,6 @@ class ProgressBars:
         if step not in self._tasks:
             self._tasks[step] = self._bars.add_task(step, total=1.0)
         self._bars.update(self._tasks[step], completed=share)
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        """Show a step of ``total`` units."""
-        done = 0
-        self.show(name, 0.0)
-
-        def advance(units: int = 1) -> None:
-            nonlocal done
-            done += units
-            self.show(name, done / max(1, total))
-
-        yield advance
-        self.show(name, 1.0)
 
 
 StepProgress = ProgressBars | ProgressLines

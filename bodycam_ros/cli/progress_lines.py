@@ -3,16 +3,15 @@
 import sys
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 from bodycam_ros.cli.signals import EndingSignals
-from bodycam_ros.progress import Advance
+from bodycam_ros.progress import ShownShares
 
 _EVERY_S = 10.0
 
 
-class ProgressLines:
+class ProgressLines(ShownShares):
     """Prints the running step, its share and its time to standard error while the block lasts."""
 
     def __init__(self) -> None:
@@ -36,20 +35,6 @@ class ProgressLines:
         if step != self._step:
             self._step, self._since_s = step, time.monotonic()
         self._share = share
-
-    @contextmanager
-    def step(self, name: str, total: int) -> Iterator[Advance]:
-        """Note a step of ``total`` units."""
-        done = 0
-        self.show(name, 0.0)
-
-        def advance(units: int = 1) -> None:
-            nonlocal done
-            done += units
-            self.show(name, done / max(1, total))
-
-        yield advance
-        self.show(name, 1.0)
 
     def _print_lines(self) -> None:
         while not self._ended.wait(_EVERY_S):
