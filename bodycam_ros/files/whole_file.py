@@ -137,19 +137,22 @@ def _exchange_with_others(path: Path, new: Path) -> None:
 def _exchange(path: Path, new: Path) -> None:
     """Move a folder to ``path`` and remove what was there; an interruption at any point leaves one of them there."""
     old = path.parent / f".bodycam-replaced.{uuid.uuid4().hex}"  # no scratch folder, which another process would clear
+    is_replaced = False  # as it is seen once: another process may be moving what is there a moment later
     try:
         if path.exists():
             path.rename(old)
         new.rename(path)
+        is_replaced = True
     except BaseException as error:
-        if old.exists() and not path.exists():
+        is_replaced = path.exists()
+        if old.exists() and not is_replaced:
             try:
                 old.rename(path)
             except OSError:
                 raise OSError(errno.EIO, f"{error}; what was there is whole, in {old}") from error
         raise
     finally:
-        if path.exists():
+        if is_replaced:
             shutil.rmtree(old, ignore_errors=True)
 
 
