@@ -4,7 +4,7 @@ Segments form a tree from the root; a joint whose child already hangs on another
 pedal). ``body_file`` reads and writes it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -88,6 +88,11 @@ class BodyModel(KinematicTree):
     def cameras_on(self, segment: str) -> tuple[str, ...]:
         """Names of the cameras on a segment."""
         return tuple(camera for camera, mount in self.mounts.items() if mount.segment == segment)
+
+    def segments_without(self, cameras: Collection[str]) -> list[str]:
+        """Segments that carry none of some cameras."""
+        carrying = {mount.segment for camera, mount in self.mounts.items() if camera in cameras}
+        return [segment for segment in self.segments if segment not in carrying]
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,11 @@
 """Quality of a body followed by static cameras: segments without support in the images, and misplaced cameras."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.results.verdict import Finding, Level
 
 _MIN_SHARE = 0.5  # of the states, in which static cameras should observe a segment that carries no camera
@@ -39,6 +40,11 @@ class StaticCameraLog:
         self._stamps_ns.append(stamp_ns)
         self._observed.update({*observed, *unsupported})
         self._misplaced.update(misplaced)
+
+    def add_measured(self, stamps_ns: Mapping[str, int], measured: StaticMeasurement, segments: Sequence[str]) -> None:
+        """Add a measurement of a body's segments, with the stamp of each camera's image [ns]."""
+        unsupported = [segments[row] for row in measured.unsupported]
+        self.add(min(stamps_ns.values()), measured.observed, unsupported, measured.misplaced)
 
     def findings(self, wanted: Collection[str]) -> Iterator[Finding]:
         """Findings on segments and cameras.

@@ -118,7 +118,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         writer = stack.enter_context(write_recording(request.output, request.force))
         sources = request.sources(own, reference_map, recording.start_ns, recording.first_stamp_ns)
         write_sources(writer, sources, own, recording.start_ns)
-        summary.notes = (*([left_out] if left_out else ()), *source_remarks(sources))
+        summary.notes = (*([f"{left_out}; --all solves them as well"] if left_out else ()), *source_remarks(sources))
         summary.recorded_s = part_s(window_ns, recording)
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
@@ -134,7 +134,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         if not summary.solved:
             raise _nothing_solved(request, out.unusable)
         # Hands that the body file does not have were added here, and need not be observed.
-        out.finish([name for name in own.segments if not any(each in cameras for each in own.cameras_on(name))])
+        out.finish(own.segments_without(cameras))
     summary.elapsed_s = time.monotonic() - started
     return summary
 
@@ -161,11 +161,7 @@ def _with_images(
     registered: Iterator[Result], recording: Recording, stations: Collection[str], window_ns: tuple[int, int]
 ) -> Iterator[Result | CameraImage]:
     """Registrations of body cameras, and images of static ones, in order of their stamps; then missing ones."""
-    images = (
-        (image for image in recording.images(stations) if window_ns[0] <= image.stamp_ns < window_ns[1])
-        if stations
-        else ()
-    )
+    images = recording.images(stations, window_ns) if stations else ()
     yield from merge(registered, images, key=lambda item: item.stamp_ns)
     yield from missing_images(recording, recording.start_ns)
 

@@ -112,12 +112,7 @@ class ReplayOutput:
     def write_measured(self, stamps_ns: Mapping[str, int], measured: StaticMeasurement) -> None:
         """Measurements of static cameras of the segments at a time, each with the stamp of its own image."""
         names = self._body.segments
-        self._static.add(
-            min(stamps_ns.values()),
-            measured.observed,
-            [names[row] for row in measured.unsupported],
-            measured.misplaced,
-        )
+        self._static.add_measured(stamps_ns, measured, names)
         for station, evidence in measured.evidence.items():
             self._summary.registered[station] += bool(evidence)
             seen = evidence, names, measured.confidence[station]
