@@ -33,7 +33,7 @@ from bodycam_ros.estimation.initial_pose import first_poses
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, MountedCameras
 from bodycam_ros.estimation.pose_prior import PosePrior
-from bodycam_ros.estimation.solved_state import Measurements, SolvedState
+from bodycam_ros.estimation.solved_state import Measurements, SolvedState, ready_count
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.state_factors import StateFactors
 from bodycam_ros.estimation.state_link import Initial, StateLink
@@ -49,8 +49,6 @@ logger = logging.getLogger(__name__)
 
 Mask = NDArray[np.bool_]
 
-_BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
-_BLIND_WAIT_S = 10.0  # a state waits this long at most for cameras that see again; offline, for those of a limb, too
 CARRIED_S = 5.0
 """The longest gap that accelerometers fill [s]: their errors grow with the square of time."""
 
@@ -376,21 +374,7 @@ class BodyEstimator:
         latest = self._states[-1]
         for state in self._states[:-1]:
             state.follow(latest)
-        if self.settings.whole_recording:
-            if latest.stamp_ns - self._states[0].stamp_ns < 1e9 * (_BLOCK_S + _OVERLAP_S):
-                return []
-            end_ns = self._states[0].stamp_ns + 1e9 * _BLOCK_S
-            return self._publish_until(sum(state.stamp_ns < end_ns for state in self._states))
-        until, delay = 0, int(self.settings.output_delay)
-        observed_after = sum(state.is_observed for state in self._states)
-        for number, state in enumerate(self._states):
-            observed_after -= state.is_observed
-            is_short = observed_after < delay or (self._offline and state.is_waiting)
-            is_recent = latest.stamp_ns - state.stamp_ns < 1e9 * _BLIND_WAIT_S
-            if len(self._states) - 1 - number < delay or (is_short and is_recent):
-                break
-            until += 1
-        return self._publish_until(until)
+        return self._publish_until(ready_count(self._states, self.settings, self._offline))
 
     def _publish_until(self, count: int) -> list[BodyState]:
         """The first ``count`` states; the latest of all stays in the chain, for the next one follows from it."""

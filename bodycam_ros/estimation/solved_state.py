@@ -1,6 +1,6 @@
 """One state of the window: its measurements and factors, and what its publication waits for."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.estimation.attachments import ActiveAttachments
 from bodycam_ros.estimation.coordinates import Chart
+from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
 from bodycam_ros.estimation.factors.joint_rotations import JointRotations
 from bodycam_ros.estimation.factors.motion import Motion
@@ -16,6 +17,9 @@ from bodycam_ros.estimation.static_evidence import StaticObservation
 from bodycam_ros.geometry import Array
 
 Mask = NDArray[np.bool_]
+
+_BLOCK_S, _OVERLAP_S = 15.0, 1.5  # a whole recording is solved in blocks, each with so much of what follows: memory
+_BLIND_WAIT_S = 10.0  # a state waits this long at most for cameras that see again; offline, for those of a limb, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,3 +110,28 @@ class SolvedState:
         """Update what it waits for by a later state."""
         self.unobserved &= latest.turning & ~latest.joints_observed
         self.is_unmeasured = self.is_unmeasured and not latest.is_observed
+
+
+def ready_count(states: Sequence[SolvedState], settings: EstimatorSettings, offline: bool) -> int:
+    """How many states, the first ones of one or more, need not wait for later frames any more.
+
+    Args:
+        states: in order of time.
+        settings: how many frames, or what of a recording, a state waits for.
+        offline: a state also waits until an unobserved limb is observed again.
+    """
+    latest = states[-1]
+    if settings.whole_recording:
+        if latest.stamp_ns - states[0].stamp_ns < 1e9 * (_BLOCK_S + _OVERLAP_S):
+            return 0
+        end_ns = states[0].stamp_ns + 1e9 * _BLOCK_S
+        return sum(state.stamp_ns < end_ns for state in states)
+    delay = int(settings.output_delay)
+    observed_after = sum(state.is_observed for state in states)
+    for number, state in enumerate(states):
+        observed_after -= state.is_observed
+        is_short = observed_after < delay or (offline and state.is_waiting)
+        is_recent = latest.stamp_ns - state.stamp_ns < 1e9 * _BLIND_WAIT_S
+        if len(states) - 1 - number < delay or (is_short and is_recent):
+            return number
+    return len(states)

@@ -9,7 +9,7 @@ from helpers.moving_body import STEP_NS, body_with_cameras, frame_after, lenses,
 
 from bodycam_ros.body.body_model import BodyModel, CameraMount
 from bodycam_ros.body_state import BodyFrame, BodyState
-from bodycam_ros.estimation import estimator as estimator_module
+from bodycam_ros.estimation import solved_state as solved_state_module
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.motion_settings import MotionSettings
@@ -82,7 +82,7 @@ def test_a_body_that_no_camera_sees_does_not_make_the_window_grow(
     monkeypatch: pytest.MonkeyPatch, offline: bool
 ) -> None:
     """All states waited for it, and every one took longer than the one before."""
-    monkeypatch.setattr(estimator_module, "_BLIND_WAIT_S", 1.0)
+    monkeypatch.setattr(solved_state_module, "_BLIND_WAIT_S", 1.0)
     body, rng = body_with_cameras(), np.random.default_rng(0)
     estimator = BodyEstimator(body, lenses(body), offline=offline)
     published = list[int]()

@@ -7,7 +7,7 @@ from helpers.moving_body import STEP_NS, body_with_cameras, lenses, position_err
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.estimation import estimator as estimator_module
+from bodycam_ros.estimation import solved_state as solved_state_module
 from bodycam_ros.estimation.estimator import BodyEstimator
 from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.geometry import log_so3
@@ -68,15 +68,15 @@ def test_knows_more_than_what_came_before(body, cameras) -> None:
 
 @pytest.fixture
 def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(estimator_module, "_BLOCK_S", BLOCK_S)
-    monkeypatch.setattr(estimator_module, "_OVERLAP_S", OVERLAP_S)
+    monkeypatch.setattr(solved_state_module, "_BLOCK_S", BLOCK_S)
+    monkeypatch.setattr(solved_state_module, "_OVERLAP_S", OVERLAP_S)
 
 
 def test_blocks_are_the_whole(body, cameras, monkeypatch) -> None:
     """Published one after the other, and not kept until the recording is over."""
     whole = run(body, cameras, OFFLINE)
-    monkeypatch.setattr(estimator_module, "_BLOCK_S", BLOCK_S)
-    monkeypatch.setattr(estimator_module, "_OVERLAP_S", OVERLAP_S)
+    monkeypatch.setattr(solved_state_module, "_BLOCK_S", BLOCK_S)
+    monkeypatch.setattr(solved_state_module, "_OVERLAP_S", OVERLAP_S)
     blocks = run(body, cameras, OFFLINE)
     gaps = np.array([np.abs(whole[f].world_T_segment - blocks[f].world_T_segment).max() for f in range(FRAMES)])
     scatter = position_errors(body, whole).mean()
@@ -113,7 +113,7 @@ def test_a_blind_limb_is_held_from_both_sides(body, cameras, monkeypatch) -> Non
         return camera == "wrist" and 30 <= frame < 90
 
     whole = run(body, cameras, OFFLINE, lost=lost)
-    monkeypatch.setattr(estimator_module, "_BLIND_WAIT_S", 0.0)
+    monkeypatch.setattr(solved_state_module, "_BLIND_WAIT_S", 0.0)
     forward = run(body, cameras, EstimatorSettings(), lost=lost)
     row, blind = body.segment_index["forearm"], range(30, 90)
     smoothed = turned_wrong(body, whole, row, blind)

@@ -10,7 +10,7 @@ from helpers.moving_body import COVARIANCE, STEP_NS, body_with_cameras, lenses, 
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyState
-from bodycam_ros.estimation import estimator as estimator_module
+from bodycam_ros.estimation import solved_state as solved_state_module
 from bodycam_ros.estimation import state_solution, whole_recording
 from bodycam_ros.estimation import window as window_module
 from bodycam_ros.estimation.coordinates import Chart, Coordinates
@@ -187,8 +187,8 @@ def test_where_the_second_pass_fails_a_whole_recording_is_still_solved(
     monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
     """In a block, in what follows it, and in the last block; an error of gtsam ended the recording before."""
-    monkeypatch.setattr(estimator_module, "_BLOCK_S", 1.3)
-    monkeypatch.setattr(estimator_module, "_OVERLAP_S", 0.5)
+    monkeypatch.setattr(solved_state_module, "_BLOCK_S", 1.3)
+    monkeypatch.setattr(solved_state_module, "_OVERLAP_S", 0.5)
     failed = list[int]()
 
     class Failing(Window):
