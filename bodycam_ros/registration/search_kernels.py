@@ -18,9 +18,6 @@ Single = NDArray[np.float32]
 Views = NDArray[np.uint16]
 Whole = NDArray[np.int64]
 
-FIT = 4
-"""Numbers of a fit: sigma of a pixel, error of an inlier and widest scale of its robust kernel [px], iterations."""
-
 _INLIER_PX = 1.5  # a patch found farther from its landmark shows something else
 _AGREE = 0.6  # least share of the coarse landmarks that fit one pose
 _LEAST_FOUND = 8  # landmarks of a pose
@@ -61,7 +58,7 @@ def correct_prediction(
         world_T_before: (4, 4) pose of the image before.
         rows_before, pixels_before: (N,) its landmarks, and (N, 2) their places in it.
         points_world, normals: (L, 3) of the map's landmarks.
-        fit: (FIT,) settings.
+        fit: (4,) settings, as of ``fit_numbers``.
 
     Returns:
         (4, 4) the pose, and whether enough landmarks agree with it.
@@ -179,7 +176,7 @@ def find_landmarks(
         rows, views: of ``choose_views``.
         points_world, normals: (L, 3) of the map's landmarks.
         trust: (L,) how often each was found; brought up to date if a pose is.
-        fit: (FIT,) settings.
+        fit: (4,) settings, as of ``fit_numbers``.
 
     Returns:
         Whether there is a pose; the pose (4, 4) and its information (6, 6); rows (M,), pixels (M, 2) and shifts (M, 2)
