@@ -42,6 +42,7 @@ from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.extend import extend_map
 from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate, MapUpdateSource
+from bodycam_ros.replaying.recorded_part import WHOLE, published_window
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.results.verdict import Verdict
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -72,7 +73,11 @@ Map = ReferenceMap
 
 
 class Replay(Iterator[BodyOutput]):
-    """The states of a recording as they are solved, in order of time, and whether they may be used; see ``replay``."""
+    """The states of a recording as they are solved, in order of time, and whether they may be used; see ``replay``.
+
+    Attributes:
+        left_out: which part of a bag is not solved, and why; empty for none, and before the first state.
+    """
 
     def __init__(
         self,
@@ -85,6 +90,7 @@ class Replay(Iterator[BodyOutput]):
         live: bool,
         imus: Mapping[str, ImuSamples],
         static_cameras: StaticCameraFiles | None,
+        whole: bool,
     ) -> None:
         self._images = images
         self._map = reference_map
@@ -95,6 +101,8 @@ class Replay(Iterator[BodyOutput]):
         self._settings = settings
         self._live = live
         self._imus, self._static_cameras = dict(imus), static_cameras
+        self._whole = whole
+        self.left_out = ""
         self._readouts: Mapping[str, Readout | None] = body.readout_starts
         self._stations: Mapping[str, StaticCamera] = {}
         self._log = CameraPoseLog(coupled_body(self._body, equipment), self._cameras, settings.pose_fit.inlier_px)
@@ -112,8 +120,7 @@ class Replay(Iterator[BodyOutput]):
         """Verdict on the states that were taken so far, as ``bodycam replay`` prints it; equipment is not judged."""
         bare: list[str] = []
         if self._static_cameras is not None:
-            own, body_cameras = self._own, self._cameras
-            bare = [name for name in own.segments if not any(each in body_cameras for each in own.cameras_on(name))]
+            bare = self._own.segments_without(self._cameras)
         counts = SolverCounts() if self._skeleton is None else self._skeleton.counts
         unsolved = unsolved_findings(self._solved, counts.contradictory, counts.rejected)
         return judge(self._log.poses(), (*self._static_log.findings(bare), *unsolved))
@@ -157,7 +164,10 @@ class Replay(Iterator[BodyOutput]):
             camera: best_known(recording.readout(camera), self._readouts.get(camera)) for camera in body_cameras
         }
         self._imus = self._imus or read_imus([Path(given)], body_cameras)
-        return recording.images([*body_cameras, *self._stations])
+        # Static cameras observe what body cameras that are not on yet do not.
+        solves_all = self._whole or bool(self._stations)
+        window_ns, self.left_out = published_window(recording, body_cameras or recording.cameras, WHOLE, solves_all)
+        return recording.images([*body_cameras, *self._stations], window_ns)
 
     def _measurement(self) -> ImageMeasurement | None:
         """What measures the body by static cameras, if there are any."""
@@ -166,8 +176,7 @@ class Replay(Iterator[BodyOutput]):
         body = coupled_body(self._body, self._equipment)
 
         def log(stamps_ns: Mapping[str, int], measured: StaticMeasurement) -> None:
-            unsupported = [body.segments[row] for row in measured.unsupported]
-            self._static_log.add(min(stamps_ns.values()), measured.observed, unsupported, measured.misplaced)
+            self._static_log.add_measured(stamps_ns, measured, body.segments)
 
         return image_measurement(
             self._static_cameras, self._stations, body, Path(), self._settings, log, live=self._live
@@ -222,6 +231,7 @@ def replay(
     live: bool = False,
     imus: Mapping[str, ImuSamples] | None = None,
     static_cameras: StaticCameraFiles | None = None,
+    whole: bool = False,
 ) -> Replay:
     """Solve a recording in this process: an iterator over states, and their verdict.
 
@@ -238,6 +248,7 @@ def replay(
         live: states follow by ``estimator.output_delay`` frames alone, and may be as much less accurate.
         imus: camera -> samples of its inertial sensor; of a bag its own.
         static_cameras: files of cameras that stand around the body, if there are any.
+        whole: solve all of a bag, also where few of the body's cameras run.
 
     Raises:
         RecordingError: there is no recording, or an image cannot be decoded; with the first state.
@@ -254,4 +265,5 @@ def replay(
         live,
         imus or {},
         static_cameras,
+        whole,
     )

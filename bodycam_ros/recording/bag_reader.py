@@ -39,6 +39,9 @@ _END_NS = 1_000_000_000
 LAST_NS = 2**63 - 1
 """Time of recording of what comes after the last message."""
 
+WHOLE_NS = 0, LAST_NS
+"""A window of all stamps [ns]."""
+
 _TRIED_INFOS = 30  # messages, of which one may be usable: a second of them
 
 _CONVERTERS = {each.ending: each.convert for each in TRANSPORTS.values()}
@@ -169,9 +172,12 @@ class Recording:
         sigma = next((float(message.offset_sigma) for _, _, message in self._bag.messages([topic])), 0.0)
         return sigma if 0.0 <= sigma < math.inf else 0.0
 
-    def images(self, cameras: Collection[str] | None = None) -> Iterator[CameraImage]:
+    def images(
+        self, cameras: Collection[str] | None = None, window_ns: tuple[int, int] = WHOLE_NS
+    ) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
+        ``window_ns`` are the first stamp of those that are wanted, and the stamp after the last [ns].
         Of those recorded at one time that of the first camera by name is first, so that images of some cameras are in
         the same order as among those of all. ``recorded_ns`` never decreases.
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
@@ -190,7 +196,9 @@ class Recording:
         last = (
             replace(image, recorded_ns=LAST_NS) for camera in sorted(decoders) for image in decoders[camera].flush()
         )
-        yield from self._increasing(chain(decoded, last))
+        for image in self._increasing(chain(decoded, last)):
+            if window_ns[0] <= image.stamp_ns < window_ns[1]:
+                yield image
 
     def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
         """Camera -> one image of it, of a video decoded from the keyframe before it on; those that are there.

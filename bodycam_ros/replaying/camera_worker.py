@@ -28,7 +28,7 @@ from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import camera_pose_message, image_messages, landmarks_message
 from bodycam_ros.pipeline.camera_front import camera_fronts
 from bodycam_ros.pipeline.settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
+from bodycam_ros.recording.bag_reader import LAST_NS, WHOLE_NS, Recording, open_recording
 from bodycam_ros.recording.bag_writer import SerializedMessage
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.typestore import recorded_messages
@@ -154,7 +154,7 @@ class RegistrationTask:
     turns: Mapping[str, CameraTurn] = field(default_factory=dict)
     keyframes: KeyframeDensity | None = None
     names: TopicNames = AS_RECORDED
-    window_ns: tuple[int, int] = (0, LAST_NS)
+    window_ns: tuple[int, int] = WHOLE_NS
 
 
 def run_camera_worker(
@@ -231,9 +231,9 @@ def register_images(
         rate = task.settings.images.max_rate
         limit = ImageRateLimit(rate, recording.first_stamp_ns if rate else 0)
         stamp_ns = 0
-        for image in recording.images(cameras):
+        for image in recording.images(cameras, task.window_ns):
             stamp_ns = image.stamp_ns
-            if not task.window_ns[0] <= stamp_ns < task.window_ns[1] or not limit.is_due(image.camera, stamp_ns):
+            if not limit.is_due(image.camera, stamp_ns):
                 continue
             if replica is not None:
                 # By the time of recording, which goes on alike for all cameras, whichever this process has.

@@ -52,8 +52,7 @@ def published_window(
     if not parts:
         return window_ns, ""
     return most_ns, (
-        f"left out: {' and '.join(parts)}, while fewer than three quarters of the {len(spans_ns)} cameras run; --all "
-        "solves them as well"
+        f"left out: {' and '.join(parts)}, while fewer than three quarters of the {len(spans_ns)} cameras run"
     )
 
 

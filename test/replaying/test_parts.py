@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from helpers.altered_sample import write_altered_sample
 
+from bodycam_ros import Body, Map
+from bodycam_ros import replay as solve_in_process
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.replaying.replay import replay
@@ -71,6 +73,9 @@ def test_cameras_that_start_one_by_one(sample: Path, tmp_path: Path) -> None:
     # The first frame may be left out until the cameras agree.
     assert 0.499 < 1e-9 * (int(solved.stamps_ns[0]) - recording_start_ns(solved)) < 0.54
     assert solved.seconds(solved.stamps_ns)[0] > 0.499
+    states = solve_in_process(bag, Map.load(sample / "map"), Body.load(sample / "body.yaml"))
+    assert [output.state.stamp_ns for output in states] == solved.stamps_ns.tolist()
+    assert states.left_out and summary.notes[0].startswith(states.left_out)
     whole = solve(sample, bag, tmp_path / "all", whole=True)
     assert whole.solved == FRAMES and FRAMES - 16 <= summary.solved <= FRAMES - 15
     assert not any("left out" in note for note in whole.notes)
