@@ -131,11 +131,11 @@ def fitted_equipment(equipment: Equipment, body: BodyModel) -> Equipment:
     if len(missing) == len(equipment.attachments):
         segments = ", ".join(sorted({each.body_segment for each in missing}))
         raise BodyError(f"equipment {equipment.name}: all of its attachments are to {segments}, which {has}")
-    for each in missing:
-        logger.warning(
-            "equipment %s: attachment %s is left out: body %s has no %s",
-            equipment.name, each.name, body.name, each.body_segment,
-        )  # fmt: skip
+    logger.warning(
+        "equipment %s: %d of %d attachments left out, since body %s does not have their segments: %s",
+        equipment.name, len(missing), len(equipment.attachments), body.name,
+        ", ".join(f"{each.name} (to {each.body_segment})" for each in missing),
+    )  # fmt: skip
     return replace(equipment, attachments=tuple(each for each in equipment.attachments if each not in missing))
 
 

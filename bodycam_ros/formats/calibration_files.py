@@ -28,6 +28,7 @@ import numpy as np
 from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.camera import CameraModel, camera_from_info
 from bodycam_ros.errors import BodyError, LensError, StaticCameraError
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.formats.calibration_fields import numbers_of_shape, rotation_of, size_of_images
@@ -107,8 +108,9 @@ def _usable(path: Path, cameras: Sequence[_Camera]) -> list[StaticCamera]:
                 f"{path}: has no calibrated camera; expected size, matrix, rotation and translation of each"
             )
         )
-    for name, fault in zip(left_out, faults, strict=True):
-        logger.warning("camera %s is left out: %s", shown(name), fault)
+    remarks = zip(left_out, faults, strict=True)
+    for line in merge_lines(f"camera {shown(name)}: left out: {fault}" for name, fault in remarks):
+        logger.warning("%s", line)
     return stations
 
 

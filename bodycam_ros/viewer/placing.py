@@ -102,14 +102,19 @@ def _first_images(recording: Recording, stations: Mapping[str, StaticCamera]) ->
     if not first:
         raise RecordingError(f"{recording.path}: has no image of {', '.join(stations)}")
     start_ns = min(image.stamp_ns for image in first.values())
-    images = {}
+    images, late_s = {}, {}
     for name, image in first.items():
         late_ns = image.stamp_ns - start_ns
         if late_ns > _AT_ONCE_NS:
-            logger.warning("camera %s: its first image is %.1f s late; it is not shown", name, 1e-9 * late_ns)
+            late_s[name] = 1e-9 * late_ns
         else:
             images[name] = decode_colour(image)
             stations[name].check_size(images[name])
+    if late_s:
+        logger.warning(
+            "%d of %d static cameras are not shown, since their first images are late: %s",
+            len(late_s), len(first), ", ".join(f"{name} by {late:.1f} s" for name, late in late_s.items()),
+        )  # fmt: skip
     return images
 
 

@@ -119,7 +119,7 @@ def test_a_body_without_the_segment_does_without_what_is_optional(
     with caplog.at_level(logging.WARNING):
         fitted = fitted_equipment(scooter, BODY)
     assert [each.name for each in fitted.attachments] == ["stand", "push"]
-    assert "attachment grip" in caplog.text
+    assert "grip (to hand_left)" in caplog.text
     coupled = coupled_body(BODY, scooter)
     assert {"stand", "push"} <= {joint.name for joint in coupled.loop_joints}
     assert "grip" not in {joint.name for joint in coupled.joints}
