@@ -31,8 +31,10 @@ export BODYCAM_KERNELS_CPU ?= native
 # .venv is complete in itself: a sourced ROS installation or PYTHONPATH must not reach into it.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH VIRTUAL_ENV
 export PYTHONNOUSERSITE := 1
-# A company's proxy signs with a certificate that is in the system's store alone.
+# A company's proxy signs with a certificate that is in the system's store alone. uv takes that store by the variable;
+# the pip that installs uv is Python's own, and before 24.2 it takes a file only: Debian's, unless another is set.
 export UV_SYSTEM_CERTS ?= 1
+PIP_CERT ?= $(firstword $(REQUESTS_CA_BUNDLE) $(SSL_CERT_FILE) $(wildcard /etc/ssl/certs/ca-certificates.crt))
 
 .PHONY: help demo test test-all test-ros figures readers faults lint kernels docs bench latency endure clean
 .DELETE_ON_ERROR:
@@ -103,7 +105,7 @@ $(VENV)/python.stamp:
 		{ echo "$(PYTHON) cannot make virtual environments; install them: sudo apt install python3-venv" >&2; exit 1; }
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check $(UV)
+	$(if $(PIP_CERT),PIP_CERT="$(PIP_CERT)") $(BIN)/python -m pip install --quiet --disable-pip-version-check $(UV)
 	@touch $@
 
 $(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py $(KERNELS)
