@@ -30,16 +30,17 @@ SAMPLE_MAP = SAMPLE_ROM.parent / "map"
 _BACKWARDS_S = 4.0
 _TALLER, _MOVED_M = 1.12, 0.03
 _SHORT_S = 0.5
+_LOUD = ("wrong: ", "WARNING: ", "doubtful: ", "bodycam: error: ", "verdict: ")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A command, and what is right: its exit code, and words of the first line that matters."""
+    """A command, and what is right: its exit code, and what is in the first line that matters."""
 
     done: str
     command: tuple[object, ...]
     code: int
-    words: str = ""
+    words: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -147,12 +148,14 @@ def bodies_of_others(session: Session) -> dict[str, Path]:
 def cases(session: Session) -> Iterator[Case]:
     """All cases, in the order of a session."""
     work, walk_videos = session.work, session.recordings / "dev_gopro_walk" / "mp4"
-    yield Case("videos started by hand", ("doctor", walk_videos), 0, "good: nothing speaks against it")
+    yield Case("videos started by hand", ("doctor", walk_videos), 0, ("good: nothing speaks against it",))
     short = session.videos_with("short", "head", _SHORT_S, with_sound=True)
-    yield Case("a camera of half a second", ("doctor", short), 3, "camera head: runs for")
+    yield Case("a camera of half a second", ("doctor", short), 3, ("camera head: runs for",))
     deaf = session.videos_with("deaf", "head", np.inf, with_sound=False)
-    deaf_words = "WARNING: camera head: left out: it has no sound"
+    # Nothing else is on its segment, so its motion does not give its clock; the other fifteen are in the bag.
+    deaf_words = ("WARNING: camera head: left out: it has no sound", "--offsets")
     yield Case("a camera without sound", ("ingest", deaf, "-o", work / "deaf_bag", "--force"), 3, deaf_words)
+    yield Case("a camera without sound", ("doctor", deaf), 0, ("camera head: it has no sound",))
     rom = session.bag("dev_gopro_rom")
     make = ("body", rom, "--map", session.map, "--force")
     for exchanged in (
@@ -161,19 +164,19 @@ def cases(session: Session) -> Iterator[Case]:
         ("thigh", "shin", "foot"),
         ("upper_arm", "forearm", "thigh", "shin", "foot"),
     ):
-        words = f"wrong: cameras {exchanged[0]}_left and {exchanged[0]}_right"
+        words = ("wrong: cameras ", "are exchanged", *(f"{kind}_left and {kind}_right" for kind in exchanged))
         rig = session.rig_with(exchanged)
         yield Case(f"exchanged: {', '.join(exchanged)}", (*make, "--rig", rig, "-o", work / "none.yaml"), 3, words)
     backwards = played_backwards_first(SAMPLE_ROM / "bag", work / "backwards")
     sample = ("--map", SAMPLE_MAP, "--rig", SAMPLE_ROM / "rig.yaml", "-o", work / "legs.yaml", "--force")
-    yield Case("motion before the N-pose", ("body", backwards, *sample), 0, "N-pose from")
+    yield Case("motion before the N-pose", ("body", backwards, *sample), 0, ("N-pose from",))
     walk = session.bag("dev_gopro_walk")
     solve = ("replay", walk, "--map", session.map, "--force")
-    yield Case("late cameras", (*solve, "--body", session.body, "-o", work / "out"), 0, "left out: the first")
+    yield Case("late cameras", (*solve, "--body", session.body, "-o", work / "out"), 0, ("left out: the first",))
     part = ("--from", "3", "--to", "4.5", "-o", work / "part")
-    yield Case("a part", (*solve, "--body", session.body, *part), 0, "verdict: good")
+    yield Case("a part", (*solve, "--body", session.body, *part), 0, ("verdict: good",))
     for name, body in bodies_of_others(session).items():
-        words = "wrong: this is not the body of this recording"
+        words = ("wrong: this is not the body of this recording",)
         yield Case(f"body: {name}", (*solve, "--body", body, "-o", work / name), 3, words)
 
 
@@ -198,8 +201,11 @@ def main() -> int:
             continue
         ended = run(case.command)
         lines = [*ended.stdout.splitlines(), *ended.stderr.splitlines()]
-        line = next((line.strip() for line in lines if case.words in line), (lines or [""])[-1])
-        is_right = ended.returncode == case.code and case.words in line
+        # One that is wrong prints what the person would see first.
+        right = [line for line in lines if all(word in line for word in case.words)]
+        first = [line for line in lines if line.startswith(_LOUD)]
+        line = (right or first or lines or [""])[0].strip()
+        is_right = ended.returncode == case.code and bool(right)
         wrong += not is_right
         print(f"| {case.done} | {ended.returncode} | {line[:140]} | {'right' if is_right else 'WRONG'} |", flush=True)
     return wrong
