@@ -36,6 +36,7 @@ from bodycam_ros.cli.output import STYLES, print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import BodyError, RigError
 from bodycam_ros.evaluate.sections import column_table
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.replaying.measure_body import calibrate, measure_body
 from bodycam_ros.replaying.worker_process import warm_up
@@ -158,7 +159,7 @@ def print_report(diagnosis: CalibrationDiagnosis, terminal: Terminal) -> None:
 
     terminal.print(summary_line(diagnosis))
     print_sections(terminal, report_sections(diagnosis))
-    for count, warning in enumerate(diagnosis.warnings, start=1):
+    for count, warning in enumerate(merge_lines(diagnosis.warnings), start=1):
         terminal.print(Text.assemble((f"warning {count}: ", "bold red"), warning))
     if not diagnosis.warnings:
         terminal.print("no warnings", style="green")

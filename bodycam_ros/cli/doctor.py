@@ -11,6 +11,7 @@ from rich.text import Text
 from bodycam_ros.cli.options import add_option, add_span, add_topics, given_span, topic_names
 from bodycam_ros.cli.output import STYLES, shown_progress
 from bodycam_ros.cli.terminal import Terminal
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
 from bodycam_ros.results.verdict import WRONG_RESULT, Finding, Level, finding_record, worst_level
 
@@ -72,8 +73,9 @@ def _print(findings: Sequence[Finding]) -> None:
     table.add_column()
     for check in dict.fromkeys(finding.check for finding in findings):
         of_check = [finding for finding in findings if finding.check == check]
-        for finding in sorted(of_check, key=lambda finding: -finding.level):
-            if finding.level or finding is of_check[-1]:
-                style = STYLES[finding.level]
-                table.add_row(check, Text(finding.level.word, style), Text(finding.text))
+        for level in sorted({finding.level for finding in of_check}, reverse=True):
+            # A check ends with its summary, which is good.
+            texts = [finding.text for finding in (of_check if level else of_check[-1:]) if finding.level is level]
+            for text in merge_lines(texts):
+                table.add_row(check, Text(level.word, STYLES[level]), Text(text))
     Terminal().print(table)

@@ -13,6 +13,7 @@ from bodycam_ros.cli.progress_lines import ProgressLines
 from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.evaluate.sections import Section
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.progress import ShownShares
 from bodycam_ros.results.verdict import WRONG_RESULT, Level, Verdict
 
@@ -24,9 +25,9 @@ STYLES = {Level.GOOD: "green", Level.DOUBTFUL: "yellow", Level.WRONG: "bold red"
 
 def print_verdict(terminal: Terminal, verdict: Verdict) -> int:
     """Print a line for each finding and the verdict; the exit code: 0, or that of a result that should not be used."""
-    for finding in verdict.findings:
-        line = Text.assemble((f"{finding.level.word}: ", STYLES[finding.level]), finding.text)
-        terminal.print(line)
+    for level in sorted({finding.level for finding in verdict.findings}, reverse=True):
+        for text in merge_lines(finding.text for finding in verdict.findings if finding.level is level):
+            terminal.print(Text.assemble((f"{level.word}: ", STYLES[level]), text))
     terminal.print(Text(f"verdict: {verdict.text}", STYLES[verdict.level]))
     return WRONG_RESULT if verdict.level is Level.WRONG else 0
 

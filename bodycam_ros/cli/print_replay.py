@@ -6,6 +6,7 @@ from pathlib import Path
 from bodycam_ros.cli.output import print_sections, print_verdict
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.evaluate.sections import column_table
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.recording.topic_names import TopicNames
 from bodycam_ros.replaying.extend import ExtensionRound
@@ -49,12 +50,15 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path, names: T
         # Whatever else is odd follows from the wrong body.
         return print_verdict(terminal, summary.verdict)
     mismatches = find_mismatches(recording, summary.doubted_cameras, names) if summary.doubted_cameras else ()
-    for remark in (*summary.remarks, *(match.text for match in mismatches)):
+    for remark in merge_lines((*summary.remarks, *(match.text for match in mismatches))):
         terminal.print(remark, style="red")
-    for line in (*summary.notes, *clock_remarks(summary.timings, summary.speeds, summary.clock_sigma_s)):
+    clocks = clock_remarks(summary.timings, summary.speeds, summary.clock_sigma_s)
+    rejected = (
+        f"camera {camera}: rejected at {count} frames, where the others contradict it"
+        for camera, count in summary.rejected.most_common()
+    )
+    for line in merge_lines((*summary.notes, *clocks, *rejected)):
         terminal.print(line)
-    for camera, count in summary.rejected.most_common():
-        terminal.print(f"camera {camera}: rejected at {count} frames, where the others contradict it")
     share = summary.solved / summary.frames if summary.frames else 0.0
     terminal.print(
         f"{summary.solved} of {summary.frames} frames solved ({share:.1%}), {summary.predicted} of them without "

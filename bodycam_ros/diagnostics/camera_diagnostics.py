@@ -91,9 +91,9 @@ class RegistrationDiagnostics:
 def clock_values(clock: ClockState) -> dict[str, object]:
     """Figures of a clock."""
     return {
-        "clock offset [ms]": round(1e3 * clock.offset, 2),
+        "clock offset [ms]": round(1e3 * clock.offset, 2) + 0.0,
         "clock offset sigma [ms]": round(1e3 * clock.offset_sigma, 2),
-        "clock drift [ppm]": round(1e6 * clock.drift, 1),
+        "clock drift [ppm]": round(1e6 * clock.drift, 1) + 0.0,
         "clock drift sigma [ppm]": round(1e6 * clock.drift_sigma, 1),
     }
 

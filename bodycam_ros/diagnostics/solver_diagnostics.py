@@ -219,7 +219,7 @@ def _camera_statuses(pipeline: "SkeletonPipeline | None", what: str, late_s: Map
         if (clock := clocks.get(camera)) is not None:
             values |= clock_values(clock.latest)
             if clock.is_off:
-                text = f"clock offset {1e3 * clock.latest.offset:+.1f} ms, corrected"
+                text = f"clock offset {1e3 * clock.latest.offset:+z.1f} ms, corrected"
         if (apart_s := own.apart_s) is not None and abs(apart_s) > _APART_S:
             side = "ahead of" if apart_s > 0 else "behind"
             text = f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
@@ -245,7 +245,7 @@ def equipment_status(report: EquipmentReport) -> Status:
     )
     text = f"active: {few(active) or 'none'}" + (f"; released: {few(released)}" if released else "")
     values: dict[str, object] = {
-        f"{name} [mm]": round(1e3 * float(apart), 1)
+        f"{name} [mm]": round(1e3 * float(apart), 1) + 0.0
         for name, apart in zip(report.attachments, report.deviations, strict=True)
     }
     for length, value, sigma in zip(report.lengths, report.values, report.sigmas, strict=True):

@@ -155,7 +155,7 @@ class InertialSensors:
                 )
             elif abs(filtered.delay) > _OTHER_DELAY_S:
                 faults[name] = (
-                    f"has stamps {1e3 * filtered.delay:+.0f} ms from those of the range of motion, which is corrected; "
+                    f"has stamps {1e3 * filtered.delay:+z.0f} ms from those of the range of motion, corrected here; "
                     "did its driver change?"
                 )
             elif not checked and images >= _LEAST_IMAGES and len(filtered.motion):

@@ -146,7 +146,7 @@ class Agreement:
                 f"{1e3 * _MAX_SIGMA_S:.0f} ms or less"
             )
         if abs(off) > _MAX_SCALE:
-            doubts.append(f"the scale is {100.0 * off:+.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less")
+            doubts.append(f"the scale is {100.0 * off:+z.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less")
         remedy = "is it of the same recording and person, and is each point the right one (--points)?"
         return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in doubts)
 
@@ -200,7 +200,7 @@ class Agreement:
             if clock.rate != 1.0:
                 rate = f"counts seconds of {clock.rate:.5f} s (+-{clock.rate_sigma:.5f})"
             when += f" (+-{1e3 * clock.start_sigma_s:.1f} ms), and their clock {rate}."
-        scale = f"{self.scale:.4f} ({100.0 * (self.scale - 1.0):+.2f} %)"
+        scale = f"{self.scale:.4f} ({100.0 * (self.scale - 1.0):+z.2f} %)"
         if self.with_scale:
             rigid = f"{100.0 * self.rigid_error:.2f} cm"
             where = f"Worlds are aligned by a similarity of scale {scale}; without it the mean error is {rigid}."

@@ -148,7 +148,7 @@ def summary_line(diagnosis: CalibrationDiagnosis) -> str:
     stature_m = diagnosis.stature_m
     return (
         f"{diagnosis.duration_s:.1f} s recorded; N-pose from {start_s:.1f} to {end_s:.1f} s, facing "
-        f"{math.degrees(diagnosis.heading_rad):.0f} deg from the map's x; "
+        f"{math.degrees(diagnosis.heading_rad):z.0f} deg from the map's x; "
         + ("too few bones for a stature" if stature_m is None else f"stature by the bones {stature_m:.2f} m")
     )
 

@@ -114,7 +114,7 @@ def key_figures(figures: EvaluationFigures) -> list[tuple[str, str]]:
             *shown[:2],
             (f"{truth.position_cm.mean:.2f} cm", "position error, mean"),
             (f"{truth.rotation_deg.mean:.2f}°", "rotation error, mean"),
-            (f"{100.0 * (truth.scale - 1.0):+.2f} %", "scale error"),
+            (f"{100.0 * (truth.scale - 1.0):+z.2f} %", "scale error"),
             (f"{truth.tilt_deg:.2f}°", "tilt"),
         ]
     if (agreement := figures.agreement) is not None:

@@ -87,9 +87,9 @@ def timing_text(offsets: Offsets) -> str:
         "reference": offsets.reference,
         "cameras": {
             name: {
-                "start_s": round(time.start_s, 7),
+                "start_s": round(time.start_s, 7) + 0.0,
                 "start_sigma_s": round(time.start_sigma_s, 7),
-                "drift_ppm": round(_PPM * time.drift, 3),
+                "drift_ppm": round(_PPM * time.drift, 3) + 0.0,
                 "drift_sigma_ppm": round(_PPM * time.drift_sigma, 3),
                 "source": time.source,
                 "confidence": round(time.confidence, 3),

@@ -14,6 +14,7 @@ from bodycam_ros import __version__
 from bodycam_ros.boards.apriltag import TagView
 from bodycam_ros.boards.board import Board, read_board
 from bodycam_ros.errors import MapError
+from bodycam_ros.files.shown import few
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.inertial.map_alignment import InertialAlignment, RegisteredPoses, align_to_gravity
 from bodycam_ros.mapping import colmap
@@ -209,7 +210,6 @@ def _features(
     with progress.step("extracting features", len(photographs.paths)) as advance:
         for result in extract_all(photographs.paths, photographs.camera_of_name, max_features, family, workers):
             if isinstance(result, MapError):
-                _LOG.warning("skipped: %s", result)
                 skipped.append(result)
             else:
                 features.append(result[0])
@@ -221,6 +221,8 @@ def _features(
             f"{photographs.where}: {len(features)} of {len(photographs.paths)} photographs can be used, two or more "
             f"are needed; the first that cannot: {skipped[0]}"
         )
+    if skipped:
+        _LOG.warning("%d of %d photographs are skipped: %s", len(skipped), len(photographs.paths), few(skipped))
     return features, tags
 
 

@@ -111,7 +111,8 @@ class DriverTopic:
         if quality is None or (form is self._form and quality is self._quality):
             return
         if quality is best_effort:
-            self._stage.log.warning(f"{form.topic} is published with best effort: messages may get lost")
+            text = f"{form.topic}, and perhaps others, is published with best effort: messages may get lost"
+            self._stage.log.warning(text, once=True)
         self._stage.node.destroy_subscription(self._subscription)
         # A user's override is for the first subscription to a topic: rclpy would apply it to the second too.
         self._subscribe(form, quality, self._overridable and form is not self._form)

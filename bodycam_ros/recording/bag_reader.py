@@ -323,15 +323,18 @@ class Recording:
 
     def _drop(self, image: CameraImage, latest_ns: int) -> None:
         self.dropped[image.camera] += 1
-        if self.dropped[image.camera] == 1 and image.stamp_ns < 0:
+        if self.dropped.total() > 1:
+            return
+        if image.stamp_ns < 0:
             logger.warning(
-                "camera %s: the stamp of an image is %d ns, before 1970; such images are left out",
+                "camera %s: the stamp of an image is %d ns, before 1970; such images are left out, of all cameras",
                 image.camera,
                 image.stamp_ns,
             )
-        elif self.dropped[image.camera] == 1:
+        else:
             logger.warning(
-                "camera %s: stamp %d ns follows %d ns; images whose stamp does not increase are left out",
+                "camera %s: stamp %d ns follows %d ns; images whose stamp does not increase are left out, of all "
+                "cameras",
                 image.camera,
                 image.stamp_ns,
                 latest_ns,

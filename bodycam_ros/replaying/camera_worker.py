@@ -22,6 +22,7 @@ from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodycamError, RecordingError
 from bodycam_ros.files.bounded_inputs import bound_inputs
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
 from bodycam_ros.messages.factory import Message
@@ -88,28 +89,39 @@ class UnusableImages:
 
 
 class UnusableCount:
-    """Counts unusable images by camera, and warns of the first of each kind.
+    """Counts unusable images by camera; warns of the first of each kind at once, of other cameras' in the end.
 
     Attributes:
         skipped: images that are in the recording.
         lost: images that are not in it.
-        reasons: why, of the first of each kind.
+        reasons: why, of the first of each camera and kind.
     """
 
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
         self.reasons: list[str] = []
+        self._others: list[str] = []
         self._reported: set[tuple[str, str]] = set()
 
     def add(self, item: UnusableImages) -> None:
         """Count an item."""
         counts = self.lost if item.kind == "missing" else self.skipped
         counts[item.camera] += item.count
-        if (item.camera, item.kind) not in self._reported:
-            self._reported.add((item.camera, item.kind))
-            self.reasons.append(item.reason)
+        if (item.camera, item.kind) in self._reported:
+            return
+        if all(kind != item.kind for _, kind in self._reported):
             logger.warning("%s", item.reason)
+        else:
+            self._others.append(item.reason)
+        self._reported.add((item.camera, item.kind))
+        self.reasons.append(item.reason)
+
+    def warn_of_others(self) -> None:
+        """Warn of the cameras after the first of each kind, a line for each kind."""
+        for line in merge_lines(self._others):
+            logger.warning("%s", line)
+        self._others.clear()
 
 
 @dataclass(frozen=True)

@@ -62,6 +62,7 @@ def registered_images(
                 on_progress(1e-9 * (item.stamp_ns - start_ns) / duration_s)
             elif isinstance(item, UnusableImages):
                 unusable.add(item)
+    unusable.warn_of_others()
 
 
 def merged_results(

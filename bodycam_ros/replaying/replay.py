@@ -190,8 +190,11 @@ def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection
     Raises:
         BodyError: there are none, and no stations either.
     """
-    for camera in sorted(set(recording.cameras) - set(body.mounts) - set(stations)):
-        logger.warning("camera %s: is in %s but not on body %s; it is left out", camera, recording.path, body.name)
+    if others := sorted(set(recording.cameras) - set(body.mounts) - set(stations)):
+        logger.warning(
+            "%s: %d of its %d cameras are not on body %s and are left out: %s",
+            recording.path, len(others), len(recording.cameras), body.name, ", ".join(others),
+        )  # fmt: skip
     mounted = [camera for camera in recording.cameras if camera in body.mounts]
     if mounted and (silent := sorted(set(body.mounts) - set(recording.cameras))):
         logger.warning(

@@ -139,6 +139,7 @@ class ReplayOutput:
         summary, skeleton = self._summary, self._skeleton
         summary.equipment = self._coupled.record()
         self._write_robot(summary.equipment)
+        self._unusable.warn_of_others()
         summary.skipped, summary.lost = self._unusable.skipped, self._unusable.lost
         summary.images += summary.skipped
         summary.readouts = self._readouts.readouts()

@@ -25,7 +25,9 @@ def clock_remarks(
     speeds: Mapping[str, tuple[float, float]],
     expected_s: float = 0.0,
 ) -> tuple[str, ...]:
-    """A line for every clock that was off by more than expected or was set, and one for those that stayed unknown.
+    """A line for every clock that was off by more than expected or was set, the worst first.
+
+    One more is for those that stayed unknown.
 
     Args:
         timings: camera -> how its clock went.
@@ -33,7 +35,7 @@ def clock_remarks(
         expected_s: standard deviation of the clocks as the recording has them [s].
     """
     lines = []
-    for camera, timing in sorted(timings.items()):
+    for camera, timing in sorted(timings.items(), key=lambda item: -abs(item[1].clocks[0].offset)):
         lines += [f"camera {camera}: {remark}" for remark in _of_camera(timing, expected_s)]
     poor = {camera: timing for camera, timing in timings.items() if timing.latest.offset_sigma > _POORLY_KNOWN_S}
     return (*lines, *_poorly_known(poor, speeds))
@@ -44,13 +46,13 @@ def _of_camera(timing: ClockHistory, expected_s: float) -> Iterator[str]:
     if timing.is_off and abs(first.offset) > max(
         _WORTH_SAYING_S, _EXPECTED_SIGMAS * expected_s, 2.0 * first.offset_sigma
     ):
-        drifted = f", and drifted by {1e6 * first.drift:+.0f} ppm" if _drifts(first) else ""
+        drifted = f", and drifted by {1e6 * first.drift:+z.0f} ppm" if _drifts(first) else ""
         side = "ahead" if first.offset > 0 else "behind"
         size = f"{1e3 * abs(first.offset):.1f} ms {side} (+-{1e3 * first.offset_sigma:.1f})"
         yield f"its clock was {size}{drifted}; corrected"
     for stamp_ns, by_s in timing.jumps:
         after_s = 1e-9 * (stamp_ns - first.since_ns)
-        yield f"its clock jumped by {1e3 * by_s:+.0f} ms after {after_s:.1f} s; corrected"
+        yield f"its clock jumped by {1e3 * by_s:+z.0f} ms after {after_s:.1f} s; corrected"
 
 
 def _poorly_known(timings: Mapping[str, ClockHistory], speeds: Mapping[str, tuple[float, float]]) -> Iterator[str]:

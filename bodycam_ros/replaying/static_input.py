@@ -14,6 +14,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.camera.model import size_mismatch
 from bodycam_ros.errors import LensError, RecordingError, StaticCameraError
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.formats.static_cameras_file import read_static_cameras, refuse_body_cameras
 from bodycam_ros.recording.bag_reader import Recording
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -50,8 +51,9 @@ def read_recorded_static_cameras(
     if silent := sorted(set(stations) - set(there)):
         logger.warning("%s: the recording has no images of %s", given.stations, ", ".join(silent))
     refuse_body_cameras(given.stations, there, body)
-    for station in there.values():
-        _compare_lenses(given.stations, station, recording)
+    others = [_other_lens(given.stations, station, recording) for station in there.values()]
+    for line in merge_lines(filter(None, others)):
+        logger.warning("%s", line)
     return there
 
 
@@ -75,27 +77,21 @@ def _number(name: str) -> int | None:
     return int(digits[0]) if len(digits) == 1 else None
 
 
-def _compare_lenses(file: Path, station: StaticCamera, recording: Recording) -> None:
+def _other_lens(file: Path, station: StaticCamera, recording: Recording) -> str:
+    """What is said of a static camera whose lens in a recording is another one; empty if it is not."""
     try:
         recorded = recording.camera_model(station.name)
     except LensError:
-        return
+        return ""
     ours = station.camera
     scale = recorded.width / ours.width
     off = abs(recorded.fx / (scale * ours.fx) - 1.0)
     if off > _OTHER_LENS or (recorded.width, recorded.height) != (ours.width, ours.height):
-        logger.warning(
-            "camera %s: %s has a lens of %g px for %dx%d, camera_info in %s one of %g px for %dx%d; the former is used",
-            station.name,
-            file,
-            ours.fx,
-            ours.width,
-            ours.height,
-            recording.path,
-            recorded.fx,
-            recorded.width,
-            recorded.height,
+        return (
+            f"camera {station.name}: {file} has a lens of {ours.fx:g} px for {ours.width} x {ours.height}, camera_info "
+            f"in {recording.path} one of {recorded.fx:g} px for {recorded.width} x {recorded.height}; the file's is used"
         )
+    return ""
 
 
 @dataclass(frozen=True)

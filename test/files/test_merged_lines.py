@@ -1,5 +1,10 @@
 """Lines of one kind are one line with a count; nothing else is merged, and no name is lost."""
 
+import re
+from pathlib import Path
+
+import bodycam_ros
+from bodycam_ros.evaluate.sections import column_table
 from bodycam_ros.files.merged_lines import merge_lines
 
 
@@ -18,3 +23,12 @@ def test_remarks_that_differ_in_figures_and_file_names_are_one_line_from_three_o
 def test_other_lines_stay_and_equal_ones_are_one() -> None:
     lines = ["the map is not metric", "camera a: one thing", "joint a: one thing", "the map is not metric"]
     assert merge_lines(lines) == lines[:3]
+
+
+def test_signed_figures_are_never_minus_zero() -> None:
+    """A person writes 0.0: every signed figure of a sentence asks for it, as every cell of a table does."""
+    package = Path(bodycam_ros.__file__).parent
+    signed = re.compile(r":\+(?!z)\.?\d*[fe]\}")
+    assert not [path.name for path in package.rglob("*.py") if signed.search(path.read_text())]
+    (table,) = [column_table("t", "camera", [("x", "x", "+.1f")], {"head": {"x": -0.04}, "shin": {"x": -0.06}}).table]
+    assert [row[1] for row in table.rows] == ["0.0", "-0.1"]
