@@ -4,7 +4,7 @@ from bodycam_ros import Body, Map, replay
 
 states = replay("walk.mcap", Map.load("map"), Body.load("body.yaml"))
 for output in states:
-print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
+    print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
 print(states.verdict)
 """
 
@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
+from types import NoneType
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
@@ -22,6 +23,7 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.camera_info import camera_from_yaml
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.solver_counts import SolverCounts
@@ -202,6 +204,7 @@ class Replay(Iterator[BodyOutput]):
             )
         limit = ImageRateLimit(settings.images.max_rate)
         for image in images:
+            _check_kind("one of the images", image, (CameraImage,), "CameraImage(camera, stamp_ns, pixels)")
             if image.camera in self._stations:
                 yield image
             if image.camera not in fronts or not limit.is_due(image.camera, image.stamp_ns):
@@ -225,7 +228,7 @@ def replay(
     images: Path | str | Iterable[CameraImage],
     reference_map: Map | None,
     body: BodyModel,
-    cameras: Mapping[str, CameraModel] | None = None,
+    cameras: Mapping[str, CameraModel | Path | str] | None = None,
     equipment: Equipment | None = None,
     settings: PipelineSettings | None = None,
     live: bool = False,
@@ -242,7 +245,7 @@ def replay(
         images: a ros2 bag folder or .mcap file, or images in order of their stamps.
         reference_map: metric; None with static cameras alone.
         body: which has been calibrated.
-        cameras: models of body cameras by name; of a bag its own.
+        cameras: name -> model of a body camera, or its camera_info YAML as ROS writes it; of a bag its own.
         equipment: what the body rides, holds or stands on.
         settings: of all stages.
         live: states follow by ``estimator.output_delay`` frames alone, and may be as much less accurate.
@@ -254,12 +257,19 @@ def replay(
         RecordingError: there is no recording, or an image cannot be decoded; with the first state.
         BodyError: the body carries none of the cameras that have models; with the first state.
         StaticCameraError: the static cameras cannot be used; with the first state.
+        LensError: a camera_info YAML cannot be used.
+        TypeError: an argument is of another kind, such as the path of a map in place of the map.
     """
+    _check_kind("reference_map", reference_map, (Map, NoneType), 'Map.load("map")')
+    _check_kind("body", body, (BodyModel,), 'Body.load("body.yaml")')
+    _check_kind("images", images, (Path, str, Iterable), 'a bag, "walk.mcap", or CameraImage(camera, stamp_ns, pixels)')
+    _check_kind("cameras", cameras, (Mapping, NoneType), '{"head": "head.yaml"}')
+    _check_kind("settings", settings, (PipelineSettings, NoneType), "PipelineSettings()")
     return Replay(
         images,
         reference_map,
         body,
-        cameras or {},
+        {camera: _lens(camera, lens) for camera, lens in (cameras or {}).items()},
         equipment,
         settings or PipelineSettings(),
         live,
@@ -267,3 +277,14 @@ def replay(
         static_cameras,
         whole,
     )
+
+
+def _lens(camera: str, lens: CameraModel | Path | str) -> CameraModel:
+    """Model of a camera, which may be in a file."""
+    _check_kind(f"cameras[{camera!r}]", lens, (CameraModel, Path, str), '"head.yaml", or a CameraModel')
+    return lens if isinstance(lens, CameraModel) else camera_from_yaml(Path(lens), camera)
+
+
+def _check_kind(argument: str, given: object, kinds: tuple[type, ...], expected: str) -> None:
+    if not isinstance(given, kinds):
+        raise TypeError(f"replay: {argument} is a {type(given).__name__}; expected {expected}")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.settings import check_name
 
 
@@ -65,7 +66,7 @@ class CommandParser(argparse.ArgumentParser):
             group, _, name = flag.removeprefix("--").partition(".")
             check_name(group, flag)
             if group not in (known := read_groups()):
-                self.error(f"{flag}: there is no group of settings {group} here; there are {', '.join(sorted(known))}")
+                self.error(f"{flag}: there is no group of settings {group} here; {other_than(group, sorted(known))}")
             value = text if is_joined else next(following, None)
             if value is None:
                 self.error(f"{flag}: its value is missing")

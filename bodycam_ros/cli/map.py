@@ -16,6 +16,7 @@ from bodycam_ros.cli.output import StepProgress, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import MapError
 from bodycam_ros.files.output_place import check_output
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.files.whole_file import scratch_folder
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.lens.lens_check import warn_of_mismatch
@@ -257,8 +258,8 @@ def _known_distance(first: str, second: str, text: str, rig: Rig | None, rig_pat
         raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
     if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
         raise MapError(
-            f"--known-distance {first} {second}: {rig_path} has no camera {unknown[0]}; it has "
-            f"{', '.join(sorted(rig.cameras))}"
+            f"--known-distance {first} {second}: {rig_path} has no camera {unknown[0]}; "
+            f"{other_than(unknown[0], sorted(rig.cameras))}"
         )
     if rig and rig.cameras[first] != rig.cameras[second]:
         raise MapError(

@@ -4,7 +4,6 @@ import argparse
 import math
 import os
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.files.output_place import check_file, check_output
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_from_mapping
 
 if TYPE_CHECKING:
@@ -248,7 +247,5 @@ def _read_groups(config: Path, groups_type: type[SettingsGroups]) -> dict[str, d
         known = all_groups() | groups_type.groups()
         for group in groups:
             if group not in known:
-                alike = get_close_matches(group, known, n=1)
-                meant = f"; is '{alike[0]}' meant?" if alike else f"; known are {', '.join(sorted(known))}"
-                raise SettingsError(f"{config}: there is no group {shown(group)}{meant}")
+                raise SettingsError(f"{config}: there is no group {shown(group)}; {other_than(group, sorted(known))}")
     return groups

@@ -16,7 +16,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, check_image_size
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.files.shown import few
+from bodycam_ros.files.shown import few, other_than
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
@@ -347,7 +347,7 @@ class Recording:
 
     def _topic_of(self, camera: str) -> str:
         if camera not in self._image_topic:
-            raise RecordingError(f"{self.path}: no camera '{camera}'; there are {', '.join(self.cameras)}")
+            raise RecordingError(f"{self.path}: no camera '{camera}'; {other_than(camera, self.cameras)}")
         return self._image_topic[camera]
 
 
