@@ -73,8 +73,8 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "--height": {"type": float, "metavar": "METRES"},
     "--lenses": {
         "metavar": "DIR_OR_FILE",
-        "help": "folder with each camera's lens YAML (default: beside its video), or a file of static cameras, which "
-        "has their lenses: of bodycam stations, a TOML, .qca.txt",
+        "help": "folder with a lens YAML for each camera (default: beside its video), or a file of static cameras with "
+        "their lenses (from 'bodycam stations', a TOML or a .qca.txt)",
     },
     "--jobs": {"type": number(int, 1, 1000), "default": os.cpu_count() or 1},
 }  # fmt: skip
@@ -113,8 +113,8 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="CAMERA=TOPIC",
-        help="topics of other names: of a camera's images, whose camera_info is beside them, such as "
-        "waist_front=/cam0/color/image_raw; of a sensor, waist_front/imu=/cam0/imu",
+        help="topics that are not named /CAMERA/image_raw: images of a camera, with camera_info beside them, as "
+        "waist_front=/cam0/color/image_raw; inertial sensor of a camera, as waist_front/imu=/cam0/imu",
     )
 
 
@@ -135,7 +135,9 @@ def add_span(parser: argparse.ArgumentParser, *to_flags: str) -> None:
     seconds = number(float, 0.0, 1e7, "s")
     parser.add_argument("--from", dest="from_s", type=seconds, metavar="S", help=f"start of the part to use, {unit}")
     to_flags = to_flags or ("--to", "--until")
-    parser.add_argument(*to_flags, dest="to_s", type=seconds, metavar="S", help="end of the part to use, likewise")
+    parser.add_argument(
+        *to_flags, dest="to_s", type=seconds, metavar="S", help="end of the part to use, in the same seconds"
+    )
 
 
 def given_span(arguments: argparse.Namespace) -> "TimeSpan":
@@ -199,7 +201,7 @@ def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:
     Args:
         groups: ``module:class`` of settings, imported if a flag is used.
     """
-    flags = ", each also as --GROUP.NAME VALUE, which wins" if groups else ""
+    flags = "; a flag --GROUP.NAME VALUE overrides a setting" if groups else ""
     help_text = f"ROS parameter YAML with settings, as 'bodycam settings' prints them{flags}"
     parser.add_argument("--config", type=Path, metavar="YAML", help=help_text)
     parser.set_defaults(settings={})

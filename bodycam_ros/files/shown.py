@@ -44,7 +44,7 @@ def other_than(name: object, known: Iterable[str], most: int = 24) -> str:
     """What follows on a name that is unknown: the one that was probably meant, else those that there are."""
     names = list(known)
     if alike := get_close_matches(str(name), names, n=1):
-        return f"is {printable(alike[0])} meant?"
+        return f"did you mean {printable(alike[0])}?"
     return f"there are {printable(few(names, most))}" if names else "there are none"
 
 

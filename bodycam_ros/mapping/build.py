@@ -209,7 +209,7 @@ def _features(
     with progress.step("extracting features", len(photographs.paths)) as advance:
         for result in extract_all(photographs.paths, photographs.camera_of_name, max_features, family, workers):
             if isinstance(result, MapError):
-                _LOG.warning("skipped: %s", result)
+                _LOG.warning("photograph not used: %s", result)
                 skipped.append(result)
             else:
                 features.append(result[0])

@@ -42,8 +42,8 @@ class RegistrarSettings:
     min_inliers: int = setting(
         12,
         limits=(4, 500),
-        reason="landmarks that must agree with a pose; more reject doubtful poses, and lose dim or crowded places (the "
-        "paper takes 50, with twice as many pixels)",
+        reason="minimum number of landmarks that agree with a pose; raise it to reject doubtful poses, but then dim or "
+        "crowded places are not registered (the paper takes 50, with twice as many pixels)",
         live=True,
     )
 

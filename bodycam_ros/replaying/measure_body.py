@@ -68,8 +68,8 @@ def measure_body(
     start = given.start
     if start is None:
         raise StaticCameraError(
-            f"where the body is at first is unknown; place it by hand with "
-            f"'bodycam view --place {recording_path}', and give that as --start"
+            f"the initial pose of the body is unknown; set it by hand with 'bodycam view --place {recording_path}', "
+            "and give the file that it writes with --start"
         )
     body = replace(with_hands(body), surface=None)
     reference_map = None if map_path is None else load_map(map_path)

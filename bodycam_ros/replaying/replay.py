@@ -118,7 +118,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         writer = stack.enter_context(write_recording(request.output, request.force))
         sources = request.sources(own, reference_map, recording.start_ns, recording.first_stamp_ns)
         write_sources(writer, sources, own, recording.start_ns)
-        summary.notes = (*([f"{left_out}; --all solves them as well"] if left_out else ()), *source_remarks(sources))
+        summary.notes = (*([f"{left_out}; --all solves these parts too"] if left_out else ()), *source_remarks(sources))
         summary.recorded_s = part_s(window_ns, recording)
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
@@ -173,8 +173,8 @@ def _nothing_solved(request: ReplayRequest, unusable: str) -> BodycamError:
         return RecordingError(f"{recording}: none of its images could be used: {unusable}")
     if outside is not None and outside.start is None:
         return StaticCameraError(
-            f"{recording}: no body camera was registered, so where the body is at first is unknown; place it "
-            f"by hand with 'bodycam view --place {recording}', and give that as --start"
+            f"{recording}: no body camera was registered, so the initial pose of the body is unknown; set it by hand "
+            f"with 'bodycam view --place {recording}', and give the file that it writes with --start"
         )
     if outside is not None:
         return StaticCameraError(f"{recording}: no image of a static camera could be used, so there is no motion")

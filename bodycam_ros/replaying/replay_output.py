@@ -167,8 +167,8 @@ class ReplayOutput:
         summary.late = skeleton.arrivals.late
         if summary.late:
             logger.warning(
-                "%d registrations came after their frame had been solved without them; does a camera pause for "
-                "longer than assembler.max_wait?",
+                "%d registrations came too late: their frames had been solved without them. If a camera pauses for "
+                "longer than assembler.max_wait, raise that setting",
                 summary.late,
             )
         doubts = self._readouts.doubts().values()

@@ -102,7 +102,7 @@ def test_people_read_a_line_for_each_check(capsys: pytest.CaptureFixture[str], t
     out = capsys.readouterr().out
     assert "features" in out and "turn it away from bare walls" in " ".join(out.split())
     assert "not checked: share of images that register: give --map" in out
-    assert out.rstrip().endswith("wrong: mend what is wrong and record again")
+    assert out.rstrip().endswith("wrong: correct what is marked as wrong above, then record again")
 
 
 @pytest.mark.parametrize("flag", ["--map", "--body", "--rig", "--board"])

@@ -124,5 +124,5 @@ def test_a_map_without_metres_is_no_place_for_stations(
 ) -> None:
     replace(reference_map, metric=False).save(tmp_path / "map")
     assert main(command(bag, tmp_path, tmp_path / "cameras.yaml")) == 1
-    assert "this map is not metric" in capsys.readouterr().err
+    assert "this map has no scale" in capsys.readouterr().err
     assert not (tmp_path / "cameras.yaml").exists()
