@@ -1,6 +1,6 @@
 """Keypoints of joints in images of static cameras: where each joint's centre projects, minus its keypoint."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,14 +20,14 @@ class JointKeypoints:
     """N keypoints of one state; a joint's centre is the origin of its outer segment.
 
     Attributes:
-        views: lenses and world_T_camera (4, 4) of all cameras.
+        views: camera -> lens and world_T_camera (4, 4).
         cameras: (N,) rows of ``views``.
         segments: (N,) rows of the segments whose origins were detected.
         pixels: (N, 2) where [px].
         sigmas: (N,) of each, along u and along v [px].
     """
 
-    views: Sequence[tuple[CameraModel, Array]]
+    views: Mapping[str, tuple[CameraModel, Array]]
     cameras: NDArray[np.int64]
     segments: NDArray[np.int64]
     pixels: Array
@@ -37,7 +37,7 @@ class JointKeypoints:
     def nothing() -> "JointKeypoints":
         """No keypoint."""
         rows = np.zeros(0, np.int64)
-        return JointKeypoints((), rows, rows, np.zeros((0, 2)), np.zeros(0))
+        return JointKeypoints({}, rows, rows, np.zeros((0, 2)), np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.segments)
@@ -92,7 +92,7 @@ class JointKeypoints:
     def _residuals(self, poses: Array) -> tuple[Array, Array]:
         """Residuals (N, 2) in sigmas and derivatives (N, 2, 3) by the origins [1/m], in the segments' axes."""
         errors, by_origin = np.zeros((len(self), 2)), np.zeros((len(self), 2, 3))
-        for (camera, world_T_camera), rows in zip(self.views, self._by_view, strict=True):
+        for (camera, world_T_camera), rows in zip(self.views.values(), self._by_view, strict=True):
             if not len(rows):
                 continue
             at = poses[self.segments[rows]]

@@ -32,13 +32,13 @@ def from_side(turn: float) -> Array:
     return looking
 
 
-VIEWS = tuple(zip((LENSES["plumb_bob"], LENSES["equidistant"]), (from_side(0.3), from_side(1.6)), strict=True))
+VIEWS = {"front": (LENSES["plumb_bob"], from_side(0.3)), "side": (LENSES["equidistant"], from_side(1.6))}
 
 
 def projected(poses: Array) -> Array:
     rows = []
     for camera, segment in zip(CAMERAS, SEGMENTS, strict=True):
-        lens, world_T_camera = VIEWS[camera]
+        lens, world_T_camera = [*VIEWS.values()][camera]
         rows.append(lens.project(transform_points(inverse(world_T_camera), poses[segment, None, :3, 3]))[0][0])
     return np.array(rows)
 
@@ -92,7 +92,7 @@ def test_keypoints_of_later_images_are_where_the_joints_were_before() -> None:
 
 def test_a_joint_behind_a_camera_is_an_error_without_a_derivative() -> None:
     behind = from_side(0.3) @ np.diag([-1.0, 1.0, -1.0, 1.0])
-    views = ((LENSES["plumb_bob"], behind), VIEWS[1])
+    views = VIEWS | {"front": (LENSES["plumb_bob"], behind)}
     errors, J = JointKeypoints(views, CAMERAS, SEGMENTS, projected(POSES), SIGMAS).linearise(AT)
     assert errors[:2].all() and not J[:2].any() and J[2:4].any()
 
