@@ -55,6 +55,12 @@ class AgreedKeypoints:
         far[self.segments] = np.linalg.norm(poses[self.segments, :3, 3] - self.places, axis=1) > FAR_M
         return far
 
+    def without(self, segments: NDArray[np.bool_]) -> "AgreedKeypoints":
+        """Those of other segments than some (S,)."""
+        kept = ~segments[self.segments]
+        keypoints = self.keypoints[~segments[self.keypoints.segments]]
+        return AgreedKeypoints(keypoints, self.segments[kept], self.places[kept])
+
 
 class KeypointEvidence:
     """Keypoints of a recording.

@@ -46,6 +46,7 @@ _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their 
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
+_LASTING = 3  # frames in which keypoints have a limb elsewhere: two cameras may exchange left and right at once
 _KEYPOINT_STEPS = 5  # to where keypoints have a limb that was lost
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
 
@@ -105,6 +106,7 @@ class RegionTracker:
         self._support = SegmentSupport(self.body)
         self._cameras = CameraSupport()
         self._random = np.random.default_rng(_SEED)
+        self._far_for = np.zeros(len(self.body.segments), np.int64)  # frames that keypoints had a segment elsewhere
         self._forget_colours()
 
     def initialise(self, images: Images, placed: Array, unplaced: Mask | None = None) -> Array:
@@ -274,9 +276,12 @@ class RegionTracker:
             view.copy_unknown_colours(other for other in self.views.values() if other is not view)
         start = self._step.close_joints(predicted.world_T_segment)
         on_body = self.body.named(each.segment for each in known)
-        jumped = agreed.far_from(start) & ~on_body
+        far = agreed.far_from(start)
+        self._far_for = np.where(far, self._far_for + 1, 0)
+        jumped = (self._far_for >= _LASTING) & ~on_body
+        agreed = agreed.without(far & ~jumped)
         if jumped.any():
-            # Keypoints have limbs elsewhere: they are taken there, and the contours then fit them.
+            # Keypoints have limbs elsewhere, and not for a moment: they are taken there, and the contours fit them.
             start, jumped = self._moved_to(agreed, start, jumped)
             predicted = _near(start)
             self._support.start_again(jumped)

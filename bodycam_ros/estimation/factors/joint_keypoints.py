@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,10 @@ class JointKeypoints:
 
     def __len__(self) -> int:
         return len(self.segments)
+
+    def __getitem__(self, rows: NDArray[Any]) -> "JointKeypoints":
+        """Some of the keypoints, by number or mask."""
+        return JointKeypoints(self.views, self.cameras[rows], self.segments[rows], self.pixels[rows], self.sigmas[rows])
 
     @property
     def rows(self) -> int:
