@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from benchmarks.figures.bench import Bench
 from benchmarks.figures.figure import Figure
-from benchmarks.figures.score import Score, score
+from benchmarks.figures.real_person import JOINTS, against_markers, write_bag
+from benchmarks.figures.score import Result, Score, score
 
 STARTS = 30
 _START_M = 0.001
@@ -22,22 +23,37 @@ Mask = NDArray[np.bool_]
 
 def unnamed_errors(bench: Bench, name: str, starts: int = STARTS) -> Iterator[Figure]:
     """Segments in states that are far off, and of these the ones that no finding names; body without a scan."""
-    recording, group = bench.recording(name), f"{name}, {starts} starts"
-    far = unnamed = runs = 0
-    worst = 0.0
+    recording, group, counts = bench.recording(name), f"{name}, {starts} starts", []
     for number in range(starts):
-        out = f"{name}, start {number}"
-        start = moved_start(recording / "external/start.yaml", bench.work / f"{out}.yaml", number)
+        start = moved_start(recording / "external/start.yaml", bench.work / f"{group}.yaml", number)
         flags = ("--stations", recording / "external/cameras.yaml", "--start", start, "--slim", "--force")
-        ran = bench.replay(out, recording / "bag", bench.body(), *flags)
-        scored = score(bench.out(out), recording)
-        wrong, missing = large_errors(scored, ran.output)
-        far, unnamed, runs = far + wrong, unnamed + missing, runs + bool(missing)
-        worst = max(worst, *(float(each.max()) for each in scored.position_cm.values()))
+        ran = bench.replay(group, recording / "bag", bench.body(), *flags)
+        counts.append(large_errors(score(bench.out(group), recording), ran.output))
+    yield from _figures(group, counts)
+
+
+def pose2sim(bench: Bench, starts: int = STARTS) -> Iterator[Figure]:
+    """The same of Pose2Sim's man, of whom there are positions alone, after one rigid alignment."""
+    assert bench.shared is not None
+    demo, group, counts = bench.shared / "real/pose2sim_single", f"pose2sim, {starts} starts", []
+    bag = write_bag(demo, bench.work / "pose2sim_starts.bag")
+    for number in range(starts):
+        start = moved_start(demo / "start.yaml", bench.work / f"{group}.yaml", number)
+        flags = ("--stations", demo / "cameras.yaml", "--start", start, "--slim", "--force")
+        ran = bench.replay(group, bag, demo / "body.yaml", *flags)
+        result = Result.read(bench.out(group))
+        off_cm = against_markers(result, demo / "reference.trc")
+        seconds = (result.seconds - result.seconds[0])[: len(off_cm)]
+        wrong = dict(zip([each for each in JOINTS if each in result.links], (off_cm > _FAR_CM).T, strict=True))
+        counts.append(_count(wrong, seconds, ran.output))
+    yield from _figures(group, counts)
+
+
+def _figures(group: str, counts: list[tuple[int, int]]) -> Iterator[Figure]:
+    far, unnamed = np.sum(counts, axis=0).tolist()
     yield Figure(f"{group}: segments over 15 cm or 60 deg off, in all states", far)
     yield Figure(f"{group}: of these without a finding", unnamed)
-    yield Figure(f"{group}: starts with one without a finding", runs)
-    yield Figure(f"{group}: joint position, max [cm]", worst)
+    yield Figure(f"{group}: starts with one without a finding", sum(bool(missing) for _, missing in counts))
 
 
 def moved_start(start: Path, moved: Path, seed: int) -> Path:
@@ -55,12 +71,17 @@ def large_errors(scored: Score, output: str) -> tuple[int, int]:
     Of a turn the direction of the bone counts: capsules do not show the turn about it, and its sigma has that.
     """
     seconds = scored.seconds - scored.seconds[0]
-    far = unnamed = 0
-    for segment, off_cm in scored.position_cm.items():
-        wrong = (off_cm > _FAR_CM) | (_turned_deg(scored, segment) > _TURNED_DEG)
-        far += int(wrong.sum())
-        unnamed += int((wrong & ~_named(output, segment, seconds)).sum())
-    return far, unnamed
+    wrong = {
+        segment: (off_cm > _FAR_CM) | (_turned_deg(scored, segment) > _TURNED_DEG)
+        for segment, off_cm in scored.position_cm.items()
+    }
+    return _count(wrong, seconds, output)
+
+
+def _count(wrong: dict[str, Mask], seconds: NDArray[np.float64], output: str) -> tuple[int, int]:
+    """How many states of segments are wrong (T,), and how many of them no finding names."""
+    unnamed = [(each & ~_named(output, segment, seconds)).sum() for segment, each in wrong.items()]
+    return int(np.sum([*wrong.values()])), int(np.sum(unnamed))
 
 
 def _turned_deg(scored: Score, segment: str) -> NDArray[np.float64]:
