@@ -56,7 +56,7 @@ class AgreedKeypoints:
         return far
 
     def without(self, segments: NDArray[np.bool_]) -> "AgreedKeypoints":
-        """Those of other segments than some (S,)."""
+        """The same without the keypoints of some segments (S,)."""
         kept = ~segments[self.segments]
         keypoints = self.keypoints[~segments[self.keypoints.segments]]
         return AgreedKeypoints(keypoints, self.segments[kept], self.places[kept])
