@@ -15,6 +15,9 @@ from dataclasses import fields, replace
 from pathlib import Path
 from types import NoneType
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
@@ -107,6 +110,7 @@ class Replay(Iterator[BodyOutput]):
         self.left_out = ""
         self._readouts: Mapping[str, Readout | None] = body.readout_starts
         self._stations: Mapping[str, StaticCamera] = {}
+        self._stamps_ns: Mapping[str, NDArray[np.int64]] | None = None  # of all images of static cameras of a bag
         self._log = CameraPoseLog(coupled_body(self._body, equipment), self._cameras, settings.pose_fit.inlier_px)
         self._static_log = StaticCameraLog()
         self._skeleton: SkeletonPipeline | None = None
@@ -160,6 +164,8 @@ class Replay(Iterator[BodyOutput]):
         )
         if files is not None:
             self._stations = read_recorded_static_cameras(files, self._map, recording, body)
+            if files.keypoints is not None:
+                self._stamps_ns = recording.image_stamps(self._stations)
         if not self._cameras:
             self._cameras.update({camera: recording.camera_model(camera) for camera in body_cameras})
         self._readouts = {
@@ -181,7 +187,14 @@ class Replay(Iterator[BodyOutput]):
             self._static_log.add_measured(stamps_ns, measured, body.segments)
 
         return image_measurement(
-            self._static_cameras, self._stations, body, Path(), self._settings, log, live=self._live
+            self._static_cameras,
+            self._stations,
+            body,
+            Path(),
+            self._settings,
+            log,
+            live=self._live,
+            stamps_ns=self._stamps_ns,
         )
 
     def _messages(self, images: Iterable[CameraImage]) -> Iterator[LandmarkMatches | CameraImage]:

@@ -70,6 +70,11 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
         "capsules along the bones)",
     },
     "--start": {"metavar": "START", "needs": "stations"},
+    "--keypoints": {
+        "metavar": "FOLDER", "needs": "stations",
+        "help": "with --stations: 2-D keypoints of each camera, a JSON file for each image, which count beside the "
+        "contours; the start as well where --start is not given",
+    },
     "--height": {"type": float, "metavar": "METRES"},
     "--lenses": {
         "metavar": "DIR_OR_FILE",

@@ -46,6 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "body cameras measure it as well"
     )
     add_option(parser, "--start", help=start_help)
+    add_option(parser, "--keypoints")
     add_span(parser)
     parser.add_argument(
         "--all",
@@ -116,7 +117,8 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     if arguments.stations is not None:
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
-        return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
+        start = arguments.start or arguments.keypoints
+        return StaticCameraFiles(arguments.stations, arguments.surface, start, arguments.keypoints)
     if arguments.map is None:
         raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

@@ -289,6 +289,11 @@ class Recording:
             times[cameras[topic]].append((recorded_ns, stamp_ns))
         return {camera: np.array(rows, np.int64).reshape(-1, 2) for camera, rows in times.items()}
 
+    def image_stamps(self, cameras: Collection[str]) -> dict[str, NDArray[np.int64]]:
+        """Camera -> (N,) stamps of its images [ns], in their order."""
+        times = self.image_times()
+        return {camera: np.sort(times[camera][:, 1]) for camera in cameras}
+
     def _messages(
         self, cameras: Collection[str], start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[CameraImage]:

@@ -98,7 +98,13 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         static_cameras = None
         if outside is not None:
             static_cameras = image_measurement(
-                outside, stations, body, request.body, settings, lambda *measured: out.write_measured(*measured)
+                outside,
+                stations,
+                body,
+                request.body,
+                settings,
+                lambda *measured: out.write_measured(*measured),
+                stamps_ns=recording.image_stamps(stations) if outside.keypoints else None,
             )
             if not cameras and outside.start is None:
                 raise _nothing_solved(request, "")

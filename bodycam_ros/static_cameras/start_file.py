@@ -49,11 +49,13 @@ class StaticCameraFiles:
         stations: their poses and lenses.
         surface: folder of the segments' meshes; None for the body's own, or capsules.
         start: initial pose of the body; None where body cameras measure it.
+        keypoints: folder of 2-D keypoints of each camera, a file for each image; None without.
     """
 
     stations: Path
     surface: Path | None = None
     start: Path | None = None
+    keypoints: Path | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,12 @@ from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 Counts = NDArray[np.int64]
 
-_LEAST_SCORE = 0.3
-_INLIER = 0.015  # of the image's larger side, from a keypoint to where the point projects
+LEAST_SCORE = 0.3
+"""Score from which on a keypoint counts."""
+
+INLIER = 0.015
+"""Share of the image's larger side, from a keypoint to where its point projects, within which they agree."""
+
 _LEAST_JOINTS = 5  # that two cameras agree on, to be of one person
 _LEAST_PARALLAX = np.sin(np.radians(3.0))
 
@@ -65,10 +69,10 @@ class _View:
         self.station = station
         self.pixels = keypoints[:, :2]
         rays, valid = station.camera.unproject(np.ascontiguousarray(np.nan_to_num(self.pixels)))
-        self.usable = valid & (keypoints[:, 2] >= _LEAST_SCORE)
+        self.usable = valid & (keypoints[:, 2] >= LEAST_SCORE)
         self.rays: Array = rays @ station.world_T_camera[:3, :3].T
         self.centre: Array = station.world_T_camera[:3, 3]
-        self._limit = _INLIER * max(station.camera.width, station.camera.height)
+        self._limit = INLIER * max(station.camera.width, station.camera.height)
 
     def errors(self, points: Array) -> Array:
         """(J,) from keypoints to points (J, 3), in limits of an inlier; infinite where either is not known."""
