@@ -4,11 +4,15 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import asdict
 
-from bodycam_ros.evaluate.figures import AgreementFigures, EquipmentFigures, EvaluationFigures
-from bodycam_ros.evaluate.gait import CRITERION, MEASURES
+from bodycam_ros.evaluate.figures import AgreementFigures, EquipmentFigures, EvaluationFigures, GaitFigures
+from bodycam_ros.evaluate.gait import CRITERION, MEASURES, MIN_STRIDES_OF_SIDE
+from bodycam_ros.evaluate.gait_cycle import CONVENTION
 from bodycam_ros.evaluate.sections import Columns, Section, column_table
 from bodycam_ros.evaluate.sliding import ALL
 from bodycam_ros.files.shown import few
+
+ANGLES = "joint angles"
+"""Heading of the section on them, on a page with their picture."""
 
 _SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
 _JOINTS: Columns = (
@@ -58,13 +62,26 @@ _ATTACHMENTS: Columns = (
 )  # fmt: skip
 _GAIT: Columns = (
     ("mean", "mean", ".3g"), ("sd", "sd", ".2g"), ("left", "left", ".3g"), ("right", "right", ".3g"),
-    ("symmetry [%]", "symmetry_percent", "+.1f"), ("truth", "true", ".3g"),
+    ("symmetry [%]", "symmetry_percent", "+.1f"), ("95 % from", "symmetry_low_percent", "+.1f"),
+    ("to", "symmetry_high_percent", "+.1f"), ("truth", "true", ".3g"),
+)  # fmt: skip
+_CYCLE: Columns = (
+    ("strides", "strides", "d"), ("most flexion [deg]", "peak_deg", ".1f"), ("at [%]", "peak_percent", ".0f"),
+    ("least flexion [deg]", "trough_deg", ".1f"), ("at [%]", "trough_percent", ".0f"), ("sd [deg]", "sd_deg", ".1f"),
 )  # fmt: skip
 _MAX_STRETCHES = 3
 
 
 def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
-    """A section with a table for each kind of figures of an evaluation."""
+    """A section with a table for each kind of figures of an evaluation, joint angles and walking first."""
+    if figures.gait_cycle is not None:
+        note = (
+            f"from a contact of the heel (0 %) to the next of the same foot (100 %); {CONVENTION}; the mean over the "
+            "strides, sd: standard deviation over them, its mean over the cycle"
+        )
+        yield column_table(ANGLES, "joint, side", _CYCLE, figures.gait_cycle, note)
+    if figures.gait is not None:
+        yield _walking_section(figures.gait)
     if (truth := figures.truth) is not None:
         note = (
             f"positions after one rigid alignment; coverage {truth.coverage:.1%}, scale {truth.scale:.5f}, tilt "
@@ -115,14 +132,20 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
     if ALL in figures.sliding and figures.sliding[ALL].stances:
         note = "horizontal distance of heel or ball from its mean position in a stance; path: its length in a stance"
         yield column_table("sliding of feet in stance", "foot", _SLIDING, figures.sliding, note)
-    if figures.gait is not None:
-        counts = ", ".join(f"{count} {side}" for side, count in figures.gait.strides.items())
-        note = (
-            f"strides: {counts}; a stride begins where the heel is furthest ahead of the pelvis (Zeni 2008); symmetry: "
-            f"left less right over their mean; walking is {CRITERION}"
+
+
+def _walking_section(gait: GaitFigures) -> Section:
+    counts = ", ".join(f"{count} {side}" for side, count in gait.strides.items())
+    note = f"strides: {counts}; a stride begins where the heel is furthest ahead of the pelvis (Zeni 2008); "
+    if min(gait.strides.values()) < MIN_STRIDES_OF_SIDE:
+        note += f"nothing can be said about symmetry: it needs {MIN_STRIDES_OF_SIDE} strides of each side"
+    else:
+        note += (
+            "symmetry: left less right over their mean, and the 95 % interval by the spread of the strides; where it "
+            "holds zero, no difference of the sides is shown"
         )
-        rows = {name: getattr(figures.gait, key) for key, (name, _) in MEASURES.items()}
-        yield column_table("walking", "measure", _GAIT, rows, note)
+    rows = {name: getattr(gait, key) for key, (name, _) in MEASURES.items()}
+    return column_table("walking", "measure", _GAIT, rows, f"{note}; walking is {CRITERION}")
 
 
 def _agreement_sections(agreement: AgreementFigures) -> Iterator[Section]:

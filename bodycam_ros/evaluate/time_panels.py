@@ -36,7 +36,7 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
                 axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=5))
                 axes.yaxis.set_major_formatter("{x:g}")
                 axes.yaxis.set_minor_locator(NullLocator())
-        labels = ("position\n[mm]", "rotation\n[°]")
+        labels = ("position\nerror [mm]", "rotation\nerror [°]")
         title = "Error against the truth"
         note = "of joints"
     else:
@@ -89,7 +89,7 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
         assert (agreement := evaluation.agreement) is not None
         stamps_ns, turns = agreement.stamps_ns, agreement.angle_errors
         positions = {point.link: point.errors for point in reversed(agreement.joints)}
-    kinds_of_errors = (positions, 100.0, "position [cm]"), (turns, float(np.degrees(1.0)), "rotation [°]")
+    kinds_of_errors = (positions, 100.0, "position error [cm]"), (turns, float(np.degrees(1.0)), "rotation error [°]")
     rows = [(*kind, joints) for kind in kinds_of_errors if kind[0] for joints in _ROWS]
     height = _ROW_HEIGHT * len(rows) + 0.4
     with style.open_picture(path, _WIDTH, height) as figure:
@@ -148,7 +148,7 @@ def draw_sensors(residuals: Mapping[str, GyroscopeResiduals], path: Path) -> Non
             aspect="auto", interpolation="nearest",
         )  # fmt: skip
         style.name_rows(axes, [*residuals])
-        axes.set_xlabel("s")
+        axes.set_xlabel("time [s]")
         style.panel_title(axes, "Gyroscopes against the solved cameras", "difference of angular velocities, deg/s")
         bar = figure.colorbar(image, ax=axes, pad=0.02, ticks=[_LEAST, 1.0, 3.0, 10.0, _MOST])
         bar.ax.set_yticklabels(["0.3", "1", "3", "10", "30"])
