@@ -237,8 +237,9 @@ def _statistic(strides: Sequence[Stride], key: str, statistic: Callable[[Array],
 
 
 def _known(strides: Sequence[Stride], key: str) -> Array:
-    values = np.array([stride.figures[key] for stride in strides])
-    return values[np.isfinite(values)]
+    """Values (N,) of the strides that have the figure."""
+    values: Array = np.array([stride.figures[key] for stride in strides])
+    return np.asarray(values[np.isfinite(values)])
 
 
 def _symmetry(left: Array, right: Array) -> tuple[float, float, float] | None:
@@ -247,11 +248,9 @@ def _symmetry(left: Array, right: Array) -> tuple[float, float, float] | None:
         return None
     percent = 200.0 / float(left.mean() + right.mean())
     difference = percent * float(left.mean() - right.mean())
-    variances, freedoms = (
-        np.array([statistic(each) for each in (left, right)])
-        for statistic in (lambda side: side.var(ddof=1) / side.size, lambda side: side.size - 1)
-    )
-    spread = float((variances**2 / freedoms).sum())
+    sides = left, right
+    variances = np.array([side.var(ddof=1) / side.size for side in sides])
+    spread = float(sum(v**2 / (side.size - 1) for v, side in zip(variances, sides, strict=True)))
     # scipy's ttest_ind warns of strides that are alike to rounding, as those of made motions are.
     reach = percent * np.sqrt(variances.sum()) * t.ppf(_UPPER, variances.sum() ** 2 / spread) if spread else 0.0
     return difference, difference - float(reach), difference + float(reach)

@@ -33,10 +33,12 @@ _CAMERAS: Columns = (
     ("gap [mm]", "position_gap_mm.median", ".1f"), ("gap [deg]", "rotation_gap_deg.median", ".2f"),
     ("error [px]", "reprojection_px.median", ".2f"),
 )  # fmt: skip
-_CAMERAS_NOTE = (
-    "lost: the longest time without a pose; gap: from the registered to the solved pose; error: of landmarks in the "
-    "solved pose; medians"
-)
+_CAMERAS_NOTE = {
+    "lost": "the longest time without a pose",
+    "landmarks": "median number in an image",
+    "gap": "from the registered to the solved pose, median",
+    "error": "of landmarks in the solved pose, median",
+}
 _STATIONS: Columns = (
     ("images", "images", "d"), ("observed", "seen", ".1%"), ("segments", "segments", ".1f"),
     ("confidence", "confidence", ".1%"),
@@ -51,6 +53,13 @@ _SENSORS: Columns = (
     ("accelerometer noise [µg/√Hz]", "accelerometer_noise_micro_g", ".0f"), ("bias [deg/s]", "rest_bias_deg_s", ".2f"),
     ("bias change [deg/s]", "bias_change_deg_s", ".3f"), ("residual [deg/s]", "residual_deg_s", ".2f"),
 )  # fmt: skip
+_SENSORS_NOTE = {
+    "gyroscope noise": "at rest",
+    "accelerometer noise": "at rest",
+    "bias": "of the gyroscope at rest",
+    "bias change": "the gyroscope as the body file corrects it, less the solved camera, median",
+    "residual": "what remains of that, median from frame to frame",
+}
 _SLIDING: Columns = (
     ("stances", "stances", "d"), ("stance [s]", "standing_s", ".2f"), ("mean [mm]", "mean_mm", ".2f"),
     ("max [mm]", "max_mm", ".2f"), ("path [mm]", "path_mm", ".2f"), ("true foot [mm]", "true_mean_mm", ".2f"),
@@ -104,7 +113,10 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
         lost = {name for name, camera in cameras.items() if not camera.registered}
         yield column_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, faulty | lost)
     if stations := figures.stations:
-        note = "observed: share of the images that measure a segment's pose; confidence: share of the contour that does"
+        note = {
+            "observed": "share of the images that measure a segment's pose",
+            "confidence": "share of the contour that does",
+        }
         blind = {name for name, each in stations.items() if not each.seen}
         yield column_table("static cameras", "camera", _STATIONS, stations, note, blind)
     clocks = {name: camera.clock for name, camera in cameras.items() if camera.clock is not None}
@@ -116,11 +128,7 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
         note = "offset: ahead of the recording's time (+) or behind, corrected; the last one if the clock was set"
         yield column_table("clocks", "camera", _CLOCKS, shown, note)
     if figures.sensors:
-        note = (
-            "noise and bias at rest; bias change: the gyroscope as the body file corrects it, less the solved camera, "
-            "median; residual: what remains, median from frame to frame"
-        )
-        yield column_table("inertial sensors", "camera", _SENSORS, figures.sensors, note)
+        yield column_table("inertial sensors", "camera", _SENSORS, figures.sensors, _SENSORS_NOTE)
     rows = {
         "root position sigma [mm]": figures.root_position_sigma_mm,
         "root rotation sigma [deg]": figures.root_rotation_sigma_deg,
