@@ -43,6 +43,10 @@ _STATIONS: Columns = (
     ("images", "images", "d"), ("observed", "seen", ".1%"), ("segments", "segments", ".1f"),
     ("confidence", "confidence", ".1%"),
 )  # fmt: skip
+_STATIONS_NOTE = {
+    "observed": "share of the images that measure a segment's pose",
+    "confidence": "share of the contour that does",
+}
 _CLOCKS: Columns = (
     ("offset [ms]", "ahead_ms", "+.1f"), ("+-", "ahead_sigma_ms", ".1f"), ("drift [ppm]", "drift_ppm", "+.0f"),
     ("+-", "drift_sigma_ppm", ".0f"), ("set at [s]", "set", ""), ("read-out [ms]", "readout_ms", ".2f"),
@@ -113,12 +117,8 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
         lost = {name for name, camera in cameras.items() if not camera.registered}
         yield column_table("cameras", "camera", _CAMERAS, cameras, _CAMERAS_NOTE, faulty | lost)
     if stations := figures.stations:
-        note = {
-            "observed": "share of the images that measure a segment's pose",
-            "confidence": "share of the contour that does",
-        }
         blind = {name for name, each in stations.items() if not each.seen}
-        yield column_table("static cameras", "camera", _STATIONS, stations, note, blind)
+        yield column_table("static cameras", "camera", _STATIONS, stations, _STATIONS_NOTE, blind)
     clocks = {name: camera.clock for name, camera in cameras.items() if camera.clock is not None}
     if any(clock.is_off for clock in clocks.values()):
         shown = {

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
 
 from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
@@ -47,7 +48,7 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         note = "of the root; jitter of segments"
         for axes in panels:
             axes.set_ylim(bottom=0.0)
-    style.panel_title(panels[0], title, f"{note}: mean, and the worst")
+    style.panel_title(panels[0], title, note)
     half_s = 0.5e-9 * solved.frame_ns
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
@@ -57,6 +58,13 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         for start, end in evaluation.figures.gaps_s:
             axes.axvspan(start - half_s, end + half_s, color=style.WARNING, alpha=0.6, linewidth=0.0)
     panels[-1].set_xlabel("time [s]")
+    key: list[Line2D | Patch] = [Line2D([], [], color=style.INK, label="mean")]
+    key += [Patch(color=style.TRUTH, alpha=0.45, label="up to the worst")]
+    if evaluation.blind.any() or evaluation.figures.gaps_s:
+        key.append(Patch(color=style.WARNING, alpha=0.4, label="no camera registered, or not solved"))
+    panels[0].legend(
+        handles=key, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(key), borderaxespad=0.0, handlelength=1.6
+    )
 
 
 def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
