@@ -21,6 +21,7 @@ from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture, project_bone
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.picture_style import (
+    CENTRE,
     EQUIPMENT,
     LEFT,
     QUIET,
@@ -49,7 +50,7 @@ _SHARP_PX = 640  # a panel is magnified to at least as many pixels
 
 BODY_KEY: Key = (
     (f"landmark within {GOOD_PX:g} px of its track", GOOD), ("farther off", WARNING), ("left", LEFT), ("right", RIGHT),
-    ("equipment", EQUIPMENT),
+    ("trunk", CENTRE), ("equipment", EQUIPMENT),
 )  # fmt: skip
 STATIC_KEY: Key = (
     (f"force outward, {painting.ENLARGED:g} times enlarged", painting.OUTWARD), ("force inward", painting.INWARD),

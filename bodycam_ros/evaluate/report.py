@@ -23,12 +23,14 @@ FIGURES, PAGE = "summary.json", "report.html"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
     "angles.png": (
-        "Angles of joints in the sagittal plane, left and right: the mean over strides with one standard deviation to "
-        f"either side where the body walks, else over time; {CONVENTION}."
+        f"Angles of joints in the sagittal plane, left and right; {CONVENTION}. Where three strides or more were found "
+        "the angles are over the gait cycle, the mean and one standard deviation over the strides; else over time."
     ),
     "joints.png": "How far each joint is off over time.",
     "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
-    "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
+    "overlay.png": (
+        "Images of the body cameras that see most of the limbs; limbs and landmarks are where the solved body puts them."
+    ),
     "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
 }
 _SECTIONS = {
