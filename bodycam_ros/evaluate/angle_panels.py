@@ -1,12 +1,13 @@
 """The picture of joint angles, left and right in one panel: over the gait cycle, or over time where nobody walks."""
 
+import math
 from pathlib import Path
 
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bodycam_ros.evaluate.figures import CycleFigures
-from bodycam_ros.evaluate.gait import SIDES, Stride
+from bodycam_ros.evaluate.gait import MIN_STRIDES_OF_SIDE, SIDES, Stride
 from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, JOINTS, OF_WALKING, CycleAngle, cycle_angles, flexion_angles
 from bodycam_ros.geometry import Array
 from bodycam_ros.results import picture_style as style
@@ -33,7 +34,11 @@ def cycle_figures(cycles: dict[tuple[str, str], CycleAngle]) -> dict[str, CycleF
     """The figures of joints over the gait cycle, by "knee, left"."""
     return {
         f"{joint}, {side}": CycleFigures(
-            each.strides, *each.peak, *each.trough, sd_deg=float(each.sd.mean()), mean_deg=each.mean.round(2).tolist()
+            each.strides,
+            *each.peak,
+            *each.trough,
+            sd_deg=float(each.sd.mean()) if each.strides >= MIN_STRIDES_OF_SIDE else math.nan,
+            mean_deg=each.mean.round(2).tolist(),
         )
         for (joint, side), each in cycles.items()
     }
@@ -66,7 +71,7 @@ def draw_angles(solved: SolvedRecording, strides: tuple[Stride, ...], path: Path
             for side, colour in _SIDE_COLOURS.items():
                 if cycle := cycles.get((joint, side)):
                     axes.plot(CYCLE_PERCENT, cycle.mean, color=colour, linewidth=1.6)
-                    if cycle.strides > 1:
+                    if cycle.strides >= MIN_STRIDES_OF_SIDE:
                         low, high = cycle.mean - cycle.sd, cycle.mean + cycle.sd
                         axes.fill_between(CYCLE_PERCENT, low, high, color=colour, alpha=_BAND_ALPHA, linewidth=0.0)
                 elif not cycles and (joint, side) in angles:
@@ -80,7 +85,7 @@ def draw_angles(solved: SolvedRecording, strides: tuple[Stride, ...], path: Path
                 axes.set_xlim(0.0, 100.0)
             style.light_grid(axes)
         handles: list[Line2D | Patch] = [Line2D([], [], color=c, label=side) for side, c in _SIDE_COLOURS.items()]
-        if any(cycle.strides > 1 for cycle in cycles.values()):
+        if any(cycle.strides >= MIN_STRIDES_OF_SIDE for cycle in cycles.values()):
             handles.append(Patch(color=style.QUIET, alpha=_BAND_ALPHA, label="± one standard deviation over strides"))
         figure.legend(handles=handles, loc="lower center", ncols=len(handles))
         figure.subplots_adjust(

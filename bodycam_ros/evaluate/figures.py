@@ -287,7 +287,7 @@ class CycleFigures(msgspec.Struct, frozen=True):
         strides: number of them.
         peak_deg, peak_percent: most flexion, and where in the cycle.
         trough_deg, trough_percent: least flexion, and where in the cycle.
-        sd_deg: standard deviation over the strides, the mean over the cycle; NaN of a single one.
+        sd_deg: standard deviation over the strides, the mean over the cycle; NaN of fewer than three.
         mean_deg: at 0, 1, ... 100 % of the cycle.
     """
 

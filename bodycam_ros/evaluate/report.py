@@ -29,7 +29,7 @@ _CAPTIONS = {
     "joints.png": "How far each joint is off over time.",
     "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
     "overlay.png": (
-        "Images of the body cameras that see most of the limbs; limbs and landmarks are where the solved body puts them."
+        "Images of the body cameras that see most of the limbs; the solved body puts limbs and landmarks there."
     ),
     "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
 }

@@ -13,7 +13,7 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.sections import Link, Picture, Section, Table, column_table, render_page
 from bodycam_ros.results.picture_style import LEFT
 
-WRITTEN = ["joints.png", "report.html", "summary.json", "summary.png"]
+WRITTEN = ["angles.png", "joints.png", "report.html", "summary.json", "summary.png"]
 
 
 def test_the_command_reports_against_a_bvh(

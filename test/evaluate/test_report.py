@@ -74,6 +74,7 @@ def test_the_recording_adds_pixels(solved: Path, tmp_path: Path) -> None:
     assert (result.returncode, result.stderr) == (0, "")
     assert "of landmarks in the solved pose" in " ".join(result.stdout.split())
     assert sorted(p.name for p in (tmp_path / "report").iterdir()) == [
+        "angles.png",
         "overlay.png",
         "report.html",
         "summary.json",
