@@ -13,7 +13,7 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.sections import Link, Picture, Section, Table, column_table, render_page
 from bodycam_ros.results.picture_style import LEFT
 
-WRITTEN = ["joints.png", "report.html", "summary.json", "summary.png"]
+WRITTEN = ["angles.png", "joints.png", "report.html", "summary.json", "summary.png"]
 
 
 def test_the_command_reports_against_a_bvh(
@@ -30,7 +30,7 @@ def test_the_command_reports_against_a_bvh(
     assert set(figures["points"]) == set(MIXAMO.values())
     shown = (tmp_path / "report" / "report.html").read_text()
     assert "knee left, sagittal" in shown and "same motion as other.bvh: the two motions correlate by" in shown
-    assert shown.count("<img ") == 2 and shown.count('src="data:image/png;base64,iVBOR') == 2
+    assert shown.count("<img ") == 3 and shown.count('src="data:image/png;base64,iVBOR') == 3
     assert share_of(LEFT, tmp_path / "report" / "joints.png") > 2e-5
 
 
