@@ -35,7 +35,7 @@ def move_joint(body: BodyModel, name: str, parent_T_joint: Array) -> BodyModel:
     """The body with a joint elsewhere.
 
     A joint of the tree takes the origin of its child along, because a segment's frame starts at the joint to its
-    parent (DESIGN 3). In the N-pose all cameras, all other joints and the child's axes stay where they were.
+    parent. In the N-pose all cameras, all other joints and the child's axes stay where they were.
 
     Args:
         body: to be corrected.

@@ -113,7 +113,7 @@ def _draw_n_pose(axes: Axes, body: BodyModel, diagnosis: CalibrationDiagnosis) -
     axes.set_ylim(points[:, 1].min() - 0.08, points[:, 1].max() + 0.08)
     axes.set_aspect("equal", adjustable="box")
     axes.axis("off")
-    panel_title(axes, "N-pose from the front", "its left is on the right; squares: cameras")
+    panel_title(axes, "N-pose from the front", "its left is on the right of the picture; squares: cameras")
 
 
 def _label_cameras(axes: Axes, cameras: dict[str, np.ndarray], warned: set[str], reach: float) -> None:

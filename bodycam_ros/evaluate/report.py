@@ -26,12 +26,15 @@ _CAPTIONS = {
         f"Angles of joints in the sagittal plane, left and right; {CONVENTION}. Where three strides or more were found "
         "the angles are over the gait cycle, the mean and one standard deviation over the strides; else over time."
     ),
-    "joints.png": "How far each joint is off over time.",
+    "joints.png": "Error of each joint against the truth, over time.",
     "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
     "overlay.png": (
         "Images of the body cameras that see most of the limbs; the solved body puts limbs and landmarks there."
     ),
-    "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
+    "outside.png": (
+        "Images of static cameras, with the contour of the solved body; lines show how far the colours of the image "
+        "pull it outward or inward."
+    ),
 }
 _SECTIONS = {
     "angles.png": (ANGLES,),
@@ -73,7 +76,7 @@ def report_lines(evaluation: Evaluation) -> list[str]:
     """What is not in tables, in sentences."""
     figures = evaluation.figures
     lines = [
-        f"{figures.states} frames in {figures.duration_s:.2f} s, {figures.image_coverage:.1%} of the images "
+        f"{figures.states} states in {figures.duration_s:.2f} s, {figures.image_coverage:.1%} of the images "
         f"covered; {figures.instants_without_camera} frames without any camera"
     ]
     lines += evaluation.made_from.lines
@@ -87,13 +90,13 @@ def _describe_match(match: SameMotion, agreement: Agreement | None) -> str:
     """How sure it is that two motions are the same."""
     likeness, chance = match.correlation, match.by_chance
     if math.isnan(likeness):
-        return "too short to tell"
-    text = f"the two motions correlate by {likeness:.3f}"
+        return "the recording is too short to compare"
+    text = f"correlation {likeness:.3f}"
     if math.isnan(chance):
-        return f"{text}; too short to tell how probable that is by chance"
+        return f"{text}; the recording is too short for its probability by chance"
     if agreement is None or agreement.clock.start_sigma_s == 0.0:
-        return f"{text}; shifted in time, they correlate as well at {chance:.0%} of the offsets"
-    return f"{text}; unrelated motions do so with a probability of {max(chance, 1e-9):.2g}"
+        return f"{text}; it is as high at {chance:.0%} of other clock offsets"
+    return f"{text}; unrelated motions reach it with a probability of {max(chance, 1e-9):.2g}"
 
 
 def _with_pictures(sections: Sequence[Section], pictures: Mapping[str, Picture]) -> list[Section]:

@@ -24,8 +24,8 @@ _PLANES: Columns = (
     ("95 % from", "low", "+.2f"), ("to", "high", "+.2f"), ("rmse", "rmse", ".2f"),
 )  # fmt: skip
 _PLANES_NOTE = (
-    "bias and 95 % of the differences, ours less theirs (Bland and Altman 1986); where both have rotations of bones, "
-    "two constant rotations per joint are fitted, for the axes of a bone are a convention"
+    "bias and the range of 95 % of the differences: this result minus the other system (Bland and Altman 1986); if "
+    "both have rotations of bones, two constant rotations per joint are fitted, as each system defines its own axes"
 )
 _CAMERAS: Columns = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("lost [s]", "longest_lost_s", ".2f"),
@@ -125,7 +125,10 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
             name: asdict(clock) | {"set": " ".join(f"{s:.1f}" for s in clock.held_from_s)}
             for name, clock in clocks.items()
         }
-        note = "offset: ahead of the recording's time (+) or behind, corrected; the last one if the clock was set"
+        note = (
+            "offset: how far the camera's clock is ahead of the recording's time (+) or behind it (-), corrected; the "
+            "last offset, if the clock was set during the recording"
+        )
         yield column_table("clocks", "camera", _CLOCKS, shown, note)
     if figures.sensors:
         yield column_table("inertial sensors", "camera", _SENSORS, figures.sensors, _SENSORS_NOTE)
@@ -138,7 +141,10 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
     if figures.equipment is not None:
         yield from equipment_sections(figures.equipment)
     if ALL in figures.sliding and figures.sliding[ALL].stances:
-        note = "horizontal distance of heel or ball from its mean position in a stance; path: its length in a stance"
+        note = (
+            "mean, max: horizontal distance of heel or ball from its mean position in a stance; path: length of its "
+            "trajectory in a stance; true foot: the same of the ground truth; beyond it: the same of the foot's error"
+        )
         yield column_table("sliding of feet in stance", "foot", _SLIDING, figures.sliding, note)
 
 
@@ -177,10 +183,10 @@ def equipment_sections(figures: EquipmentFigures) -> Iterator[Section]:
         figures: of ``equipment_figures``.
     """
     placed_s = figures.placed_from_s
-    placed = "never placed" if placed_s is None else f"placed from {placed_s:.2f} s"
+    placed = "its pose was never known" if placed_s is None else f"its pose is known from {placed_s:.2f} s"
     note = (
-        f"{placed}; active: share of the frames; mean, p95, max: distance of the points while active; apart: while "
-        "released, median"
+        f"{placed}; active: share of the frames; mean, p95, max: distance between the points while active; apart: "
+        "median distance between the points while released"
     )
     rows = {name: asdict(each) | {"released": _stretches(each.let_go_s)} for name, each in figures.attachments.items()}
     yield column_table(f"equipment {figures.name}", "attachment", _ATTACHMENTS, rows, note)

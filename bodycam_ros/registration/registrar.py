@@ -79,7 +79,7 @@ class RegisteredCamera:
     until_readout: int = 0
 
     def with_readout(self, readout: Readout) -> "RegisteredCamera":
-        """With a read-out time of another source, if it is better known than the present one."""
+        """Return the camera with a read-out time from another source, if that is better known."""
         return replace(self, readout=readout) if readout.sigma <= self.readout.sigma else self
 
 

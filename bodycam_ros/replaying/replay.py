@@ -1,4 +1,4 @@
-"""A recorded bag in, a bag with joint states out: the whole wire contract (DESIGN 3), offline."""
+"""Offline replay: reads a recorded bag and writes a bag with all topics of docs/roboticists.md."""
 
 import logging
 import time

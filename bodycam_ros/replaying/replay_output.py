@@ -1,4 +1,4 @@
-"""What a replay writes: every message of the wire contract (DESIGN 3) as it becomes known, in the end the verdict."""
+"""Writes the messages of a replay (topics: docs/roboticists.md) as they are solved, and at the end the verdict."""
 
 import logging
 from collections.abc import Collection, Iterable, Mapping

@@ -66,7 +66,7 @@ def _renamed(path: Path, stations: dict[str, StaticCamera], cameras: Sequence[st
     pairs = {theirs[number]: ours[number] for number in theirs if number in ours}
     if pairs:
         listed = ", ".join(f"{camera} is {name}" for camera, name in pairs.items())
-        logger.warning("%s: cameras are taken by their numbers: %s", path, listed)
+        logger.warning("%s: cameras are matched by the numbers in their names: %s", path, listed)
     return {camera: replace(stations[name], name=camera) for camera, name in pairs.items()} or stations
 
 
@@ -85,7 +85,7 @@ def _compare_lenses(file: Path, station: StaticCamera, recording: Recording) -> 
     off = abs(recorded.fx / (scale * ours.fx) - 1.0)
     if off > _OTHER_LENS or (recorded.width, recorded.height) != (ours.width, ours.height):
         logger.warning(
-            "camera %s: %s has a lens of %g px for %dx%d, camera_info in %s one of %g px for %dx%d; the former is used",
+            "camera %s: %s has a focal length of %g px for %dx%d, %s (camera_info) %g px for %dx%d; the first is used",
             station.name,
             file,
             ours.fx,
