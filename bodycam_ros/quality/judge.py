@@ -145,7 +145,7 @@ def _other_findings(found: Contradiction, cameras: Sequence[str]) -> Iterator[Fi
         if not is_shared and count.blind_ns > 1e9 * _BLIND_S and count.blind_until_ns > from_ns:
             what = f"not registered from {until_s - 1e-9 * count.blind_ns:.1f} s to {until_s:.1f} s"
             why = "it was covered or dark, or saw what the map does not show"
-            remedy = f"in that time the pose of {segment} is predicted from its earlier poses"
+            remedy = f"in that time the pose of {segment} is a guess, from its poses before and after"
             yield doubt(what, why, remedy, check="blind")
 
 

@@ -276,7 +276,7 @@ def load_map(path: Path, upright: bool = False) -> ReferenceMap:
         if reference_map is None:
             reference_map = _loaded[key] = ReferenceMap.load(path)
     if not reference_map.metric:
-        raise MapError(f"{path}: this map has no scale, so a body cannot be measured in it; {_REMEDY}")
+        raise MapError(f"{path}: this map has no scale, and bodies are metric; {_REMEDY}")
     if upright and not reference_map.gravity_aligned:
         raise MapError(
             f"{path}: the upward axis of this map is unknown, but the N-pose needs it; {_REMEDY}, whose 'placement' "

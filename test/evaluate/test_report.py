@@ -51,7 +51,7 @@ def test_the_command_prints_and_writes(solved: Path, truth: Path, tmp_path: Path
         "position [cm]",
         "coverage 100.0%",
         "scale 1.00000",
-        "same motion as walk: the two motions correlate by 1.000",
+        "same motion as walk: correlation 1.000",
         f"written to {tmp_path / 'report'}",
     ):
         assert text in result.stdout.replace("\n", "") or text in result.stdout

@@ -21,7 +21,7 @@ def test_each_entry_of_the_contents_leads_to_its_heading(solved: Path, truth: Pa
     pictures = [path for path in (tmp_path / "report").iterdir() if path.suffix == ".png"]
     assert page.count("<img ") == len(pictures) >= 2
     after_table = page.split("joints against the truth, mean</h2>")[1].split("<h2")[0]
-    assert "How far each joint is off" in after_table, "the picture stands beside the table that it explains"
+    assert "Error of each joint" in after_table, "the picture stands beside the table that it explains"
 
 
 def test_texts_from_files_are_no_markup() -> None:

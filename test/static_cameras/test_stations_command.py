@@ -82,7 +82,7 @@ def test_who_stands_is_written_and_who_does_not_is_named(
     assert "2 of 6 cameras written to" in said
     for told in (
         "NOT placed: camera hand: it moves",
-        "NOT placed: camera blank: 0 of its 2 images show where it stands; photograph what it sees",
+        "NOT placed: camera blank: 0 of its 2 images can be registered in the map; photograph what it sees",
         "NOT placed: camera lensless: ",
         "NOT placed: camera halved: its images have 320 x 240 px, but its camera_info says 640 x 480",
     ):
