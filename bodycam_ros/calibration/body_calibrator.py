@@ -27,6 +27,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodycamError, RangeOfMotionError
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.pose_fit import PoseFitSettings
@@ -74,10 +75,8 @@ class BodyCalibrator:
         rest_s: tuple[float, float] | None = None,
         first_ns: int | None = None,
     ) -> None:
-        if missing := [camera for camera in rig.cameras if camera not in cameras]:
-            raise RangeOfMotionError(
-                f"the rig names camera {', '.join(missing)}, but the recording has only {', '.join(cameras)}"
-            )
+        if missing := merge_lines(rig.missing_cameras(cameras)):
+            raise RangeOfMotionError(f"{'; '.join(missing)}. The recording has {', '.join(cameras)}")
         self._rig = rig
         self._models = cameras
         self._pose_fit = pose_fit or PoseFitSettings()

@@ -6,7 +6,7 @@
     segments: {pelvis: null, thigh_left: pelvis}
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +18,9 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.files.yaml_file import read_yaml
 
 _MOST_PARTS = 1000  # cameras, segments
+
+NOT_RECORDED = "is not in the recording; was it switched on? record again with it, or take it out of the rig"
+"""What is said of a camera of a rig or body that a recording lacks."""
 
 
 class _RigEntry(Entry):
@@ -73,6 +76,10 @@ class Rig:
             return cls(entry.cameras, entry.segments)
         except BodyError as error:
             raise BodyError(f"{path}: {error}") from error
+
+    def missing_cameras(self, present: Collection[str]) -> list[str]:
+        """A line for each camera of the rig that is not among those of a recording; nothing else describes it so."""
+        return [f"camera {camera}: {NOT_RECORDED}" for camera in self.cameras if camera not in present]
 
     @property
     def root(self) -> str:

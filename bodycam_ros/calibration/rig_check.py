@@ -110,7 +110,7 @@ def refuse_rig(rig: Rig, cameras: Mapping[str, str], evidence: str) -> RigError:
         else:
             pairs.append(f"{camera} and {partner}")
             named |= {camera, partner}
-    exchanged = [f"cameras {', '.join(pairs)} are exchanged"] if pairs else []
+    exchanged = [f"cameras {', and '.join(pairs)} are exchanged"] if pairs else []
     return RigError(
         f"{'; '.join([*exchanged, *alone])}: {evidence}. Correct the rig, or the names of the files, and make the body "
         "again"

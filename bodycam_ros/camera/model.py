@@ -177,6 +177,14 @@ _SAME = 0.01
 """Tolerance of the ratio of width to height: rounding to even numbers of pixels."""
 
 
+def size_mismatch(lens: tuple[int, int], images: tuple[int, int]) -> str:
+    """What is said of a camera whose images have another size than its lens is for; see ``mode_of_size``."""
+    return (
+        f"its images have {images[0]} x {images[1]} pixels, but its lens (camera_info) is for {lens[0]} x {lens[1]}; "
+        f"{mode_of_size(lens, images)}"
+    )
+
+
 def mode_of_size(lens: tuple[int, int], images: tuple[int, int]) -> str:
     """The likely cause, and what to do, for a person.
 

@@ -10,6 +10,7 @@ from bodycam_ros.cli.output import print_sections, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import OutputError
 from bodycam_ros.evaluate.sections import Section, column_table
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.files.output_place import check_output
 from bodycam_ros.results.verdict import WRONG_RESULT
 
@@ -91,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.ingest.camera_offsets import find_offsets
     from bodycam_ros.ingest.ingest import ingest, lens_remarks
-    from bodycam_ros.ingest.ingest_camera import find_cameras
+    from bodycam_ros.ingest.ingest_camera import find_cameras, left_out
     from bodycam_ros.ingest.timing_file import read_offsets, synchronous_offsets, write_timing_report
 
     report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")
@@ -100,9 +101,9 @@ def run(arguments: argparse.Namespace) -> int:
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
     cameras, faults = find_cameras(arguments.videos, arguments.lenses, arguments.rate, arguments.scale)
     if rig is not None:
-        there = {camera.topic_name for camera in cameras}
-        lacking = [camera for camera in rig.cameras if camera not in there]
-        faults += [f"camera {camera}: is in {arguments.rig}, but has no video that can be used" for camera in lacking]
+        # Those whose files cannot be used are named already.
+        refused = [camera for camera in rig.cameras if any(fault.startswith(left_out(camera, "")) for fault in faults)]
+        faults += rig.missing_cameras([*refused, *(camera.topic_name for camera in cameras)])
     with shown_progress() as progress:
         if arguments.synchronous:
             offsets = synchronous_offsets([camera.name for camera in cameras])
@@ -113,21 +114,21 @@ def run(arguments: argparse.Namespace) -> int:
         summary = ingest(cameras, offsets, arguments.output, arguments.jobs, arguments.force, progress, span)
         write_timing_report(offsets, report)
         lenses = lens_remarks(cameras, progress) if arguments.check_lenses else []
-    left_out = [*faults, *(f"camera {camera}: left out: {why}" for camera, why in offsets.unplaced.items())]
-    left_out += summary.faults
+    missing = [*faults, *(left_out(camera, why) for camera, why in offsets.unplaced.items())]
+    missing += summary.faults
     console = Terminal()
     print_sections(console, _tables(summary, offsets))
-    for fault in left_out:
+    for fault in merge_lines(missing):
         console.print(f"WARNING: {fault}", style="bold red")
     of_streams = [remark for stream in summary.streams for remark in stream.remarks()]
-    for remark in [*lenses, *offsets.remarks, *of_streams]:
+    for remark in merge_lines([*lenses, *offsets.remarks, *of_streams]):
         console.print(remark, style="red")
     frames = sum(stream.frames for stream in summary.streams)
     console.print(
         f"{len(summary.streams)} cameras, {frames} frames, {summary.duration_s:.1f} s; time 0 is "
         f"{summary.base:%Y-%m-%d %H:%M:%S} UTC; written to {arguments.output}, the clocks to {report}"
     )
-    return WRONG_RESULT if left_out else 0
+    return WRONG_RESULT if missing else 0
 
 
 def _check_outputs(arguments: argparse.Namespace, report: Path) -> None:

@@ -32,8 +32,9 @@ _ROUGH_S = 0.05  # the calibration of the body finds the rest of a clock that is
 _DOUBTFUL = 0.3  # confidence
 _MOST_NAMED = 4
 
-_WAYS = {"motion": "its motion", "given": "the time of creation of its file"}
+_WAYS = {"sound": "its sound", "motion": "its motion", "given": "the time of creation of its file"}
 """Source of clocks -> what it goes by."""
+
 
 _OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: cameras begin at 1904, 1970 or 2000
 _CREATION_SIGMA_S = 1.0
@@ -48,6 +49,21 @@ TimeSource = Callable[[Mapping[str, CameraTime]], FoundTimes]
 
 
 @dataclass(frozen=True, eq=False)
+class SoundClocks:
+    """What the sounds alone give.
+
+    Attributes:
+        times: camera -> its clock.
+        causes: camera that its sound does not place -> why, a sentence about it.
+        remarks: on sounds that break off.
+    """
+
+    times: dict[str, CameraTime]
+    causes: dict[str, str]
+    remarks: list[str]
+
+
+@dataclass(frozen=True, eq=False)
 class Offsets:
     """The clocks of all cameras.
 
@@ -55,7 +71,7 @@ class Offsets:
         reference: camera whose media time is the recording's.
         times: camera -> its clock, in the order in which they were given.
         unplaced: camera without a clock, which is not in ``times`` -> why.
-        remarks: for the user, a line each.
+        remarks: for the user, a line each, which names the camera.
     """
 
     reference: str
@@ -69,9 +85,13 @@ def find_offsets(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Pro
     videos = [camera.video for camera in cameras]
     sounds = {video.camera: video.sound for video in videos}
     sources = {"motion": partial(_motion, cameras, rig, progress), "given": partial(creation_times, videos)}
-    rates_hz = {video.camera: video.facts.rate_hz for video in videos}
-    intervals_s = {camera: 1.0 / rate_hz for camera, rate_hz in rates_hz.items() if rate_hz > 0.0}
-    return camera_times(sounds, None if rig is None else rig.cameras, sources, progress, intervals_s)
+    return camera_times(sounds, None if rig is None else rig.cameras, sources, progress, image_intervals(cameras))
+
+
+def image_intervals(cameras: Sequence[IngestCamera]) -> dict[str, float]:
+    """Camera -> time between two of its images [s], where its file has a rate."""
+    rates_hz = {camera.name: camera.video.facts.rate_hz for camera in cameras}
+    return {camera: 1.0 / rate_hz for camera, rate_hz in rates_hz.items() if rate_hz > 0.0}
 
 
 def camera_times(
@@ -96,26 +116,44 @@ def camera_times(
     if len(sounds) == 1:
         only = next(iter(sounds))
         return Offsets(only, {only: CameraTime()})
-    scanned, remarks = _scan(sounds, progress)
-    without = {name: fault for name, sound in scanned.items() if (fault := _silence(sound))}
-    remarks += [f"{name}: {fault}" for name, fault in without.items()]
-    # A camera in the middle of the body: claps reach it with the mean delay.
-    middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
-    times = _of_images(sound_times(scanned, middle, progress), intervals_s)
+    by_sound = sound_clocks(sounds, segments, progress, intervals_s)
+    times, causes, remarks = by_sound.times, by_sound.causes, by_sound.remarks
     for by, source in sources.items():
         found, noticed = source(times)
-        remarks += [*noticed, *_added(by, found, times, scanned)]
+        remarks += [*noticed, *add_times(by, found, times, causes)]
     placed = {name: times[name] for name in sounds if name in times}
+    reasons = {}
+    for name in (name for name in causes if name not in times):
+        own = [remark for remark in remarks if remark.startswith(f"camera {name}: ")]
+        remarks = [remark for remark in remarks if remark not in own]
+        reasons[name] = _reason(causes[name], sources, [remark.partition(": ")[2] for remark in own])
     if len(placed) < 2:
-        raise RecordingError(_unknown_clocks({name: _reason(name, without, (), sources) for name in sounds}))
-    unplaced = {name: _reason(name, without, list(placed), sources) for name in sounds if name not in times}
+        raise RecordingError(_unknown_clocks(reasons))
+    unplaced = {name: f"{why}; {_GIVE_OFFSETS}" for name, why in reasons.items()}
     remarks += [
-        f"{name}: another start fits nearly as well (confidence {time.confidence:.2f})"
+        f"camera {name}: another start fits nearly as well (confidence {time.confidence:.2f})"
         for name, time in placed.items()
         if time.confidence < _DOUBTFUL and time.start_sigma_s <= _ROUGH_S
     ]
     reference = next((name for name, time in placed.items() if time.start_sigma_s == 0.0), next(iter(placed)))
     return Offsets(reference, relative_to(reference, placed), unplaced, tuple(remarks))
+
+
+def sound_clocks(
+    sounds: Mapping[str, SoundSource],
+    segments: Mapping[str, str] | None,
+    progress: Progress,
+    intervals_s: Mapping[str, float] = MappingProxyType({}),
+) -> SoundClocks:
+    """Clocks by the sounds alone, and why the others have none; the arguments are those of ``camera_times``."""
+    scanned, remarks = _scan(sounds, progress)
+    without = {name: fault for name, sound in scanned.items() if (fault := _silence(sound))}
+    # A camera in the middle of the body: claps reach it with the mean delay.
+    middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
+    times = _of_images(sound_times(scanned, middle, progress), intervals_s)
+    unlike = "its sound has too little in common with that of the other cameras, or fits it at several times"
+    causes = {name: without.get(name, unlike) for name in sounds if name not in times}
+    return SoundClocks(times, causes, remarks)
 
 
 def _of_images(times: Mapping[str, CameraTime], intervals_s: Mapping[str, float]) -> dict[str, CameraTime]:
@@ -145,20 +183,27 @@ def _scan(sounds: Mapping[str, SoundSource], progress: Progress) -> tuple[dict[s
             faults[name] = str(error)
 
     scanned = for_each_camera(sounds, lambda name, ended: scan_sound(blocks(name, ended)), "scanning sound", progress)
-    return scanned, [f"{name}: {faults[name]}" for name in sounds if name in faults]
+    return scanned, [f"camera {name}: {faults[name]}" for name in sounds if name in faults]
 
 
 def _silence(sound: CameraSound) -> str:
     """Why a camera's sound is of no use; empty if it may be."""
     if sound.duration_s <= 0.0:
-        return "has no sound"
+        return "it has no sound"
     return "its sound is silence" if sound.loudest <= 0.0 else ""
 
 
-def _added(
-    by: str, found: Mapping[str, CameraTime], times: dict[str, CameraTime], scanned: Mapping[str, CameraSound]
+def add_times(
+    by: str, found: Mapping[str, CameraTime], times: dict[str, CameraTime], causes: Mapping[str, str]
 ) -> list[str]:
-    """Add the cameras that another source places; remarks on them, and on those that it contradicts."""
+    """Add the clocks that another source has; remarks on these cameras, and on those that it contradicts.
+
+    Args:
+        by: name of the source, a key of ``_WAYS``.
+        found: camera -> its clock by the source.
+        times: camera -> its clock by the sources before; it is added to.
+        causes: camera that its sound does not place -> why.
+    """
     common = [name for name in found if name in times]
     common = [name for name in common if times[name].start_sigma_s == 0.0] or common
     if times and not common:
@@ -167,32 +212,38 @@ def _added(
     remarks = []
     for name, time in found.items():
         time = replace(time, start_s=time.start_s + shift_s)
-        if name not in scanned:
+        if name not in times and name not in causes:
             continue
         if name not in times:
             times[name] = time
-            within = f" to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
-            remarks.append(f"{name}: its clock cannot be found by sound; found by {by}{within}")
+            within = f", to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
+            remarks.append(f"camera {name}: {causes[name]}; its clock was found by {_WAYS[by]}{within}")
             continue
         gap_s = time.start_s - times[name].start_s
         sigma_s = float(np.hypot(time.start_sigma_s, times[name].start_sigma_s))
         if abs(gap_s) > _SIGMAS * sigma_s:
+            used = _WAYS[times[name].source]
+            side = "later" if gap_s > 0.0 else "earlier"
             remarks.append(
-                f"{name}: its clock by {by} differs from that by {times[name].source} by "
-                f"{1e3 * gap_s:+.1f} ms, {abs(gap_s) / sigma_s:.0f} sigmas, and is not used"
+                f"camera {name}: by {_WAYS[by]} it started {_span(abs(gap_s))} {side} than by {used}, "
+                f"{abs(gap_s) / sigma_s:.0f} sigmas; {used} is used"
             )
     return remarks
 
 
-def _reason(name: str, without: Mapping[str, str], placed: Sequence[str], tried: Collection[str]) -> str:
-    """Why a camera has no clock: one cause, and the other ways by which it was not found either."""
-    whose = f"camera {placed[0]}" if placed else "any other camera"
-    unlike = f"its sound has too little in common with that of {whose}, or fits it at several times"
-    cause = f"it {without[name]}" if without.get(name, "").startswith("has") else without.get(name) or unlike
+def _span(seconds: float) -> str:
+    return f"{seconds:.1f} s" if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"
+
+
+_GIVE_OFFSETS = "give the starts of all cameras with --offsets (the others' are in timing.yaml), or record a clap"
+
+
+def _reason(cause: str, tried: Collection[str], remarks: Sequence[str]) -> str:
+    """Why a camera has no clock: why its sound does not give it, and what was found otherwise or tried."""
+    if remarks:
+        return "; ".join([cause, *remarks])
     ways = [_WAYS[each] for each in tried]
-    return cause + (
-        f", and {' and '.join(ways)} {'does' if len(ways) == 1 else 'do'} not tell its time" if ways else ""
-    )
+    return cause + (f", and its start cannot be found by {' or by '.join(ways)}" if ways else "")
 
 
 def _unknown_clocks(reasons: Mapping[str, str]) -> str:

@@ -86,24 +86,15 @@ class FrameStream:
 
     def remarks(self) -> list[str]:
         """For the user, when all frames were read: sentences that name the camera."""
-        name, video = self.camera.name, self.camera.video
-        files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
         remarks = []
         if self.fault:
             remarks.append(f"ends early: {self.fault}")
         read = self.frames + self.without_key + self.unordered
-        if video.facts.frames > read and self.is_whole:
-            remarks.append(
-                f"{files} should have {video.facts.frames} frames, and {read} can be read: cut off or damaged; "
-                "copy it again from the camera if you can"
-            )
-        if self.without_key:
-            remarks.append(f"{self.without_key} frames before the first keyframe cannot be decoded")
-        if self.unordered:
-            remarks.append(f"{self.unordered} frames left out: their time is out of order")
+        is_cut = self.is_whole and self.camera.video.facts.frames > read
+        remarks += frame_remarks(self.camera, read if is_cut else None, self.without_key, self.unordered)
         if self.imu_fault:
-            remarks.append(f"inertial sensor left out: {self.imu_fault}")
-        return [f"camera {name}: {remark}" for remark in remarks]
+            remarks.append(imu_remark(self.imu_fault))
+        return [f"camera {self.camera.name}: {remark}" for remark in remarks]
 
     @property
     def is_whole(self) -> bool:
@@ -215,6 +206,34 @@ class FrameStream:
                 yield from before
             before = []
             yield media_s, packet
+
+
+def frame_remarks(camera: IngestCamera, read: int | None, without_key: int, unordered: int) -> list[str]:
+    """What is said of frames of a camera that are not in its bag.
+
+    Args:
+        camera: of the frames.
+        read: how many its files have, where that is fewer than their index lists; else None.
+        without_key: that came before the first keyframe.
+        unordered: whose time is not after the one before.
+    """
+    video, remarks = camera.video, []
+    if read is not None:
+        files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
+        remarks.append(
+            f"{files} should have {video.facts.frames} frames, and {read} can be read: cut off or damaged; "
+            "copy it again from the camera if you can"
+        )
+    if without_key:
+        remarks.append(f"{without_key} frames before the first keyframe cannot be decoded")
+    if unordered:
+        remarks.append(f"{unordered} frames left out: their time is out of order")
+    return remarks
+
+
+def imu_remark(fault: str) -> str:
+    """What is said of a camera whose inertial sensor cannot be used, and why."""
+    return f"inertial sensor left out: {fault}"
 
 
 @contextmanager

@@ -12,7 +12,7 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import Offsets, plausible_time
 from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.frame_stream import BY_STAMP, FrameStream, for_each_camera, merged_ahead
-from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any
+from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any, left_out
 from bodycam_ros.ingest.timing_file import TIMING_FILE, timing_text
 from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.progress import Progress
@@ -75,7 +75,7 @@ def ingest(
         OutputError: the bag cannot be written.
     """
     times = offsets.times
-    timed, faults = _overlapping([camera for camera in cameras if camera.name in times], times)
+    timed, faults = overlapping([camera for camera in cameras if camera.name in times], times)
     check_any(timed, faults)
     base = _base(timed, times)
     base_ns = round(base.timestamp() * 1e6) * 1000
@@ -114,10 +114,15 @@ def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[fl
     return time.start_s, time.start_s + (1.0 + time.drift) * camera.video.facts.duration_s
 
 
-def _overlapping(
+def overlapping(
     cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]
 ) -> tuple[list[IngestCamera], list[str]]:
-    """The cameras that run while another does, and a sentence about each of the others."""
+    """The cameras that run while another does, and a line about each of the others.
+
+    Args:
+        cameras: that have a clock.
+        times: camera -> its clock.
+    """
     kept, faults = [], []
     for camera in cameras:
         begin_s, end_s = _interval(camera, times)
@@ -133,7 +138,7 @@ def _overlapping(
             if end_s <= earliest_s
             else "runs while no other does"
         )
-        faults.append(f"camera {camera.name}: left out: {camera.video.path} {when}; is it of this recording?")
+        faults.append(left_out(camera.name, f"{camera.video.path} {when}; is it of this recording?"))
     return kept, faults
 
 
@@ -145,9 +150,9 @@ def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> d
 
 def _left_out(stream: FrameStream) -> str:
     if not (stream.fault or stream.is_whole):
-        return f"camera {stream.camera.name}: left out: {stream.camera.video.path} has no frame in that part"
+        return left_out(stream.camera.name, f"{stream.camera.video.path} has no frame in that part")
     why = stream.fault or f"none of the frames of {stream.camera.video.path} can be read"
-    return f"camera {stream.camera.name}: left out: {why}"
+    return left_out(stream.camera.name, why)
 
 
 def lens_remarks(cameras: Sequence[IngestCamera], progress: Progress) -> list[str]:

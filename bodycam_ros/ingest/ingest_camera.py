@@ -85,11 +85,16 @@ def find_cameras(
     cameras: list[IngestCamera] = []
     for files in found:
         try:
-            cameras += _load(files, lenses, rate_hz, scale)
+            cameras += load_camera(files, lenses, rate_hz, scale)
         except BodycamError as error:
-            faults.append(f"camera {files.camera}: left out: {error}")
+            faults.append(left_out(files.camera, str(error)))
     check_any(cameras, faults)
     return cameras, faults
+
+
+def left_out(camera: str, why: str) -> str:
+    """The line that names a camera that is not in the bag; the doctor of videos writes it as well."""
+    return f"camera {camera}: left out: {why}"
 
 
 def check_any(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
@@ -120,13 +125,25 @@ def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, flo
     return stations[files.camera].camera, None, lenses
 
 
-def _load(files: CameraFiles, lens_folder: Path | None, rate_hz: float | None, scale: float) -> list[IngestCamera]:
+def load_camera(
+    files: CameraFiles, lenses: Path | None, rate_hz: float | None = None, scale: float = 1.0
+) -> list[IngestCamera]:
+    """One camera; several where its recording has gaps, one for each part.
+
+    Args:
+        files: of the camera.
+        lenses, rate_hz, scale: see ``find_cameras``.
+
+    Raises:
+        LensError, StaticCameraError: its lens is missing, cannot be used, or is for frames of another size.
+        RecordingError: its video or images cannot be used, or are stabilised.
+    """
     video: CameraVideo | ImageFolder
     if files.are_images:
         video = ImageFolder.from_files(files.camera, files.paths, rate_hz)
     else:
         video = CameraVideo.of_files(files.camera, files.paths)
-    lens, readout_s, lens_path = read_lens(files, lens_folder)
+    lens, readout_s, lens_path = read_lens(files, lenses)
     video.facts.check_size(video.path, lens, lens_path)
     if isinstance(video, CameraVideo) and (reason := video.stabilisation()):
         raise RecordingError(

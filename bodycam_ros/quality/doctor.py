@@ -36,6 +36,7 @@ from bodycam_ros.quality.sampled_recording import (
     spread_times,
 )
 from bodycam_ros.quality.sensor_checks import check_sensors
+from bodycam_ros.quality.video_checks import check_videos
 from bodycam_ros.recording.bag_file import is_bag
 from bodycam_ros.recording.bag_reader import read_imus
 from bodycam_ros.recording.time_span import TimeSpan
@@ -114,6 +115,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         *check_gaps(recording),
         *check_spans(recording),
         *check_clocks(recording),
+        *check_videos(recording.videos, rig, progress),
         *check_lens(recording),
         *check_limits({camera.name: camera for camera in recording.cameras}, IMAGE_CHECKS),
     ]

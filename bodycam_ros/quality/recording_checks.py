@@ -6,7 +6,8 @@ from functools import partial
 import cv2
 import numpy as np
 
-from bodycam_ros.camera.model import mode_of_size
+from bodycam_ros.calibration.rig import NOT_RECORDED
+from bodycam_ros.camera.model import size_mismatch
 from bodycam_ros.quality.sampled_recording import Grey, SampledCamera, SampledRecording
 from bodycam_ros.recording.time_span import most_cameras_window
 from bodycam_ros.results.verdict import Finding, Level, LimitCheck, good, limit_level
@@ -25,8 +26,7 @@ def check_cameras(recording: SampledRecording, wanted: Collection[str] | None) -
     for reason in recording.left_out:
         yield Finding("", Level.WRONG, reason, part="recording", check=check)
     for name in sorted(set(wanted or ()) - present):
-        remedy = "was it switched on? record again with it, or take it out of the rig"
-        yield Finding(name, Level.WRONG, "is not in the recording", remedy=remedy, check=check)
+        yield Finding(name, Level.WRONG, NOT_RECORDED, check=check)
     for name in sorted(present - set(wanted)) if wanted is not None else ():
         what, remedy = "is not in the rig or body", "it will be left out; is its name spelt as in the rig?"
         yield Finding(name, Level.DOUBTFUL, what, remedy=remedy, check=check)
@@ -99,15 +99,9 @@ _MAX_CLOCK_OFFSET_S = 0.5  # to the other cameras; smaller offsets are estimated
 
 
 def check_clocks(recording: SampledRecording) -> Iterator[Finding]:
-    """Compare stamps with the times of recording; of videos, find those without sound to synchronise by."""
+    """Compare stamps with the times of recording; videos have no common time to compare, see ``check_videos``."""
     check = "clocks"
     if not recording.is_synchronous:
-        silent = [camera.name for camera in recording.cameras if not camera.has_sound]
-        for name in silent:
-            what, remedy = "has no sound, so no clap gives its clock", "switch its sound on, or rely on its motion"
-            yield Finding(name, Level.DOUBTFUL, what, remedy=remedy, check=check)
-        if count := len(recording.cameras) - len(silent):
-            yield good(check, f"{count} videos with sound; 'bodycam ingest' synchronises them")
         return
     ahead_s = {c.name: float(np.median(c.stamps_s - c.recorded_s)) for c in recording.cameras if len(c.stamps_s)}
     usual_s = float(np.median(list(ahead_s.values()))) if ahead_s else 0.0
@@ -131,10 +125,9 @@ def check_lens(recording: SampledRecording) -> Iterator[Finding]:
             yield Finding(camera.name, Level.WRONG, fault, check="lens")
             continue
         sizes = {(grey.shape[1], grey.shape[0]) for grey in camera.images.values()} - {(lens.width, lens.height)}
-        for width, height in sorted(sizes):
-            what = f"its images have {width} x {height} px, its lens is for {lens.width} x {lens.height}"
-            remedy = mode_of_size((lens.width, lens.height), (width, height))
-            yield Finding(camera.name, Level.WRONG, what, remedy=remedy, check="lens")
+        for size in sorted(sizes):
+            what = size_mismatch((lens.width, lens.height), size)
+            yield Finding(camera.name, Level.WRONG, what, check="lens")
         if not sizes:
             models.append(lens.distortion_model)
     if models:

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
-from bodycam_ros.errors import LensError, RecordingError
+from bodycam_ros.errors import BodycamError, LensError, RecordingError, StaticCameraError
 from bodycam_ros.geometry import Array
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
-from bodycam_ros.ingest.ingest_camera import read_lens
+from bodycam_ros.ingest.ingest_camera import IngestCamera, left_out, load_camera
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
-from bodycam_ros.recording.video_file import DecodedFrame, frame_times, keyframe_near
+from bodycam_ros.recording.video_file import DecodedFrame, frame_index, keyframe_near
 from bodycam_ros.registration.image_registration import ImageRegistration
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.tracking.feature_tracker import view_mask
@@ -46,7 +46,6 @@ class SampledCamera:
         images: number of a sample -> (H, W) the image nearest to it; samples without one are left out.
         fault: why images cannot be decoded; empty if they can.
         missing: images that the recording declares, but does not hold.
-        has_sound: whether its video has sound; None if it is no video file.
     """
 
     name: str
@@ -57,7 +56,6 @@ class SampledCamera:
     images: Mapping[int, Grey]
     fault: str = ""
     missing: int = 0
-    has_sound: bool | None = None
 
     @property
     def interval_s(self) -> float:
@@ -88,7 +86,8 @@ class SampledRecording:
         times_s: (K,) times of the samples, since the start [s].
         is_synchronous: whether stamps of different cameras share a clock, as in a bag; ``bodycam ingest`` synchronises
             videos.
-        left_out: cameras that cannot be read, and why.
+        left_out: a line for each camera that cannot be read.
+        videos: that ingest would take; empty for a bag.
         is_simultaneous: whether samples of one number are of one time, in all cameras.
     """
 
@@ -97,6 +96,7 @@ class SampledRecording:
     times_s: Array
     is_synchronous: bool
     left_out: tuple[str, ...] = ()
+    videos: tuple[IngestCamera, ...] = ()
     is_simultaneous: bool = True
 
 
@@ -219,37 +219,42 @@ def sample_videos(
     Raises:
         RecordingError: the path is missing, holds no video, or none that can be read.
     """
-    found, left_out = find_videos([path], lens_folder)
+    found, faults = find_videos([path], lens_folder)
     videos: list[tuple[CameraFiles, CameraVideo]] = []
+    taken: list[IngestCamera] = []
+    lens_faults: dict[str, str] = {}
     for files in found:
         try:
-            videos.append((files, CameraVideo.of_files(files.camera, files.paths)))
-        except RecordingError as error:
-            left_out.append(f"camera {files.camera}: left out: {error}")
+            taken += load_camera(files, lens_folder)
+        except (LensError, StaticCameraError) as error:
+            lens_faults[files.camera] = left_out(files.camera, str(error))
+        except BodycamError as error:
+            faults.append(left_out(files.camera, str(error)))
+            continue
+        videos.append((files, CameraVideo.of_files(files.camera, files.paths)))
     if not videos:
-        raise RecordingError(f"{path}: none of its videos can be read: {'; '.join(left_out)}")
+        raise RecordingError("\n".join([f"{path}: no camera can be used", *faults]))
+    lenses = {camera.topic_name: camera.lens for camera in taken}
     duration_s = max(video.facts.duration_s for _, video in videos)
     times_s = sample_times(duration_s)
     keyframes: dict[str, dict[float, tuple[int, Grey]]] = {files.camera: {} for files, _ in videos}
-    faults: dict[str, str] = {}
+    undecodable: dict[str, str] = {}
     for number, seconds in enumerate(times_s.tolist()):
         for files, video in videos:
             try:
                 _add_keyframe(video, number, seconds, keyframes[files.camera])
             except RecordingError as error:
-                faults.setdefault(files.camera, str(error))
+                undecodable.setdefault(files.camera, str(error))
         on_sample()
     cameras = []
     for files, video in videos:
-        lens, lens_fault = _lens_or_fault(lambda files=files: read_lens(files, lens_folder)[0])  # type: ignore[misc]
+        name = files.camera
         # B-frames are not stored in the order of time.
-        stamps_s = np.sort(np.concatenate([frame_times(each.path) + each.start_s for each in video.chapters]))
-        images, fault = dict(keyframes[files.camera].values()), faults.get(files.camera, "")
-        has_sound = video.facts.has_sound
-        cameras.append(
-            SampledCamera(files.camera, lens, lens_fault, stamps_s, stamps_s, images, fault, has_sound=has_sound)
-        )
-    return SampledRecording(tuple(cameras), duration_s, times_s, False, tuple(left_out))
+        stamps_s = np.sort(np.concatenate([frame_index(each.path)[0] + each.start_s for each in video.chapters]))
+        images, fault = dict(keyframes[name].values()), undecodable.get(name, "")
+        lens, lens_fault = lenses.get(name), lens_faults.get(name, "")
+        cameras.append(SampledCamera(name, lens, lens_fault, stamps_s, stamps_s, images, fault))
+    return SampledRecording(tuple(cameras), duration_s, times_s, False, tuple(faults), tuple(taken))
 
 
 def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[float, tuple[int, Grey]]) -> None:

@@ -193,8 +193,10 @@ def frames(path: Path, threads: int = 0) -> Iterator[tuple[float, av.VideoFrame]
                     yield float(frame.pts * (frame.time_base or 0)), frame
 
 
-def frame_times(path: Path) -> NDArray[np.float64]:
-    """(N,) presentation times [s] of a file's frames in the order stored; nothing is decoded.
+def frame_index(path: Path) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """(N,) presentation times [s] of a file's frames in the order stored, and (N,) which are keyframes.
+
+    Nothing is decoded.
 
     Raises:
         RecordingError: the file cannot be opened.
@@ -202,7 +204,8 @@ def frame_times(path: Path) -> NDArray[np.float64]:
     with opened(path) as container:
         stream = _video_stream(container, path)
         unit_s = float(stream.time_base or 0)
-        return unit_s * np.array([p.pts for p in demuxed(container, stream) if p.pts is not None], np.float64)
+        found = [(p.pts, p.is_keyframe) for p in demuxed(container, stream) if p.pts is not None and not p.is_corrupt]
+        return unit_s * np.array([pts for pts, _ in found], np.float64), np.array([key for _, key in found], bool)
 
 
 def keyframe_near(path: Path, media_s: float) -> tuple[float, av.VideoFrame] | None:

@@ -15,6 +15,7 @@ from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBo
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RangeOfMotionError, StaticCameraError
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.pipeline.settings import PipelineSettings
@@ -144,9 +145,9 @@ def calibrate(
     warm_up()
     report = {MAP: map_record(load_map(map_path, upright=True), map_path)}
     with open_recording(recording_path, names) as recording:
-        if missing := [camera for camera in rig.cameras if camera not in recording.cameras]:
+        if missing := merge_lines(rig.missing_cameras(recording.cameras)):
             raise RangeOfMotionError(
-                f"{recording_path}: lacks camera {', '.join(missing)} of the rig; it has {', '.join(recording.cameras)}"
+                f"{recording_path}: {'; '.join(missing)}. The recording has {', '.join(recording.cameras)}"
             )
         models = {camera: recording.camera_model(camera) for camera in rig.cameras}
         first_ns = recording.first_stamp_ns

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_grey
-from bodycam_ros.camera.model import mode_of_size
+from bodycam_ros.camera.model import size_mismatch
 from bodycam_ros.errors import LensError, RecordingError, StaticCameraError
 from bodycam_ros.formats.static_cameras_file import read_static_cameras, refuse_body_cameras
 from bodycam_ros.recording.bag_reader import Recording
@@ -151,10 +151,7 @@ def _spread_images(recording: Recording, camera: CameraModel, count: int) -> lis
         if grey.shape == (camera.height, camera.width):
             images.append(grey)
             continue
-        refused = (
-            f"camera {camera.name}: its images have {grey.shape[1]} x {grey.shape[0]} px, but its camera_info says "
-            f"{camera.width} x {camera.height}, {mode_of_size((camera.width, camera.height), grey.shape[::-1])}"
-        )
+        refused = f"camera {camera.name}: {size_mismatch((camera.width, camera.height), grey.shape[::-1])}"
     if not images:
         raise RecordingError(refused or f"camera {camera.name}: {recording.path} has no image of it")
     return images

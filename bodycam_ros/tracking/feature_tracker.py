@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.model import mode_of_size
+from bodycam_ros.camera.model import size_mismatch
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3, log_so3
 from bodycam_ros.tracking.camera_motion import LONGEST_NS
@@ -193,10 +193,7 @@ class FeatureTracker:
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
             size, of_lens = (image.shape[1], image.shape[0]), (self.camera.width, self.camera.height)
-            raise RecordingError(
-                f"camera {self.camera.name}: image of {size[0]}x{size[1]} pixels, but its camera_info says "
-                f"{of_lens[0]}x{of_lens[1]}, {mode_of_size(of_lens, size)}"
-            )
+            raise RecordingError(f"camera {self.camera.name}: {size_mismatch(of_lens, size)}")
         if self._image is not None and stamp_ns <= self._stamp_ns:
             raise RecordingError(
                 f"camera {self.camera.name}: stamp {stamp_ns} ns is not later than {self._stamp_ns} ns before it; "

@@ -102,7 +102,7 @@ def test_a_rig_of_other_cameras_is_refused(sample: Path, tmp_path: Path) -> None
     rig.write_text("cameras: {waist_front: pelvis, helmet: head}\nsegments: {pelvis: null, head: pelvis}\n")
     done = run(sample, tmp_path / "body.yaml", "--rig", rig)
     assert done.returncode == 1
-    assert "lacks camera helmet" in done.stderr
+    assert "camera helmet: is not in the recording" in done.stderr
     assert not (tmp_path / "body.yaml").exists()
 
 

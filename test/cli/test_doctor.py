@@ -70,8 +70,10 @@ def test_a_range_of_motion_is_judged_by_its_rig(capsys: pytest.CaptureFixture[st
 
 
 def test_videos_are_looked_at_before_they_are_ingested(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    for camera in ("head", "foot"):
+    for camera in ("head", "foot", "shin"):
         make_video(tmp_path / f"{camera}.mp4", frames=60)
+        if camera != "head":
+            write_lens(tmp_path / f"{camera}.yaml")
     code, report = doctor(capsys, tmp_path)
     assert code == 3  # without a lens
     assert {("lens", "wrong", "head"), ("clocks", "doubtful", "foot")} <= problems(report)

@@ -95,12 +95,6 @@ def test_cameras_of_the_rig_that_lack_are_named() -> None:
     assert [(f.subject, f.level) for f in found if f.level] == [("foot", Level.WRONG), ("hand", Level.DOUBTFUL)]
 
 
-def test_videos_without_sound_are_named() -> None:
-    deaf, heard = sampled("head", has_sound=False), sampled("foot", has_sound=True)
-    found = list(check_clocks(recording(deaf, heard, is_synchronous=False)))
-    assert [(f.subject, f.level) for f in found if f.level] == [("head", Level.DOUBTFUL)]
-
-
 @pytest.mark.parametrize("axis", [0, 1])
 def test_blur_grows_with_what_a_picture_is_blurred_by(axis: int) -> None:
     sizes = [(1, 1), (3, 1), (7, 1), (13, 1)]
