@@ -42,10 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--stations", help=static_cameras_help)
     add_option(parser, "--surface")
     start_help = (
-        "with --stations: where the segments are in the first image, or a folder with 2-D keypoints of each camera; "
-        "body cameras measure it as well"
+        "with --stations: where the segments are in the first image: a file, a folder with 2-D keypoints of each "
+        "camera, or auto, which detects the person in the first images; body cameras measure it as well"
     )
     add_option(parser, "--start", help=start_help)
+    add_option(parser, "--person")
     add_span(parser)
     parser.add_argument(
         "--all",
@@ -116,7 +117,7 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     if arguments.stations is not None:
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
-        return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
+        return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start, arguments.person)
     if arguments.map is None:
         raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

@@ -3,13 +3,14 @@
 images of one time --RegionTracker--> StaticMeasurement --> BodyEstimator
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body.surface_folder import surfaces_of
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
+from bodycam_ros.geometry import Array
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
@@ -25,6 +26,7 @@ def image_measurement(
     settings: PipelineSettings,
     on_seen: Callable[[Mapping[str, int], StaticMeasurement], None],
     live: bool = False,
+    people: Mapping[str, Sequence[Sequence[Array]]] | None = None,
 ) -> ImageMeasurement:
     """The measurement of a body by images of static cameras.
 
@@ -36,6 +38,7 @@ def image_measurement(
         settings: of all stages.
         on_seen: called with the stamp of each camera's image [ns], and the measurement.
         live: whether images go on meanwhile, so that there is no time to search for limbs that are lost.
+        people: camera -> people in its first images, where the start is detected.
 
     Raises:
         BodyError: the body's surface, or the start, cannot be used.
@@ -45,5 +48,7 @@ def image_measurement(
 
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region, searches_again=not live)
-    placed = None if given.start is None else read_start(given.start, given.stations, stations, body)
+    placed = None
+    if given.start is not None:
+        placed = read_start(given.start, given.stations, stations, body, given.person, people)
     return ImageMeasurement(tracker, placed, settings.motion, on_seen)

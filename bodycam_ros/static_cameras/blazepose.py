@@ -98,7 +98,7 @@ class PoseDetector:
         folders = [] if found is None else [Path(place) for place in found.submodule_search_locations or ()]
         has_files = [folder for folder in folders if all((folder / f).is_file() for f in (_DETECTOR, _LANDMARKER))]
         if find_spec("ai_edge_litert") is None or not has_files:
-            without = "" if not folders or has_files else " (another version of mediapipe is installed, without networks)"
+            without = "" if not folders or has_files else " (this mediapipe has no networks in it)"
             raise BodyError(f"no detector of people is installed{without}; install it with: {INSTALL}")
         return PoseDetector(_tflite(has_files[0] / _DETECTOR), _tflite(has_files[0] / _LANDMARKER))
 
@@ -174,7 +174,8 @@ def decode_boxes(values: Array, scores: Array) -> Array:
     numbers = values[likely].astype(np.float64) / _DETECTOR_PX
     middle, half = centres + numbers[:, :2], 0.5 * numbers[:, 2:4]
     probability = 1.0 / (1.0 + np.exp(-np.clip(scores[likely].astype(np.float64), -100.0, 100.0)))
-    return np.column_stack([probability, middle - half, middle + half, centres + numbers[:, 4:6], centres + numbers[:, 6:8]])
+    hips, circle = centres + numbers[:, 4:6], centres + numbers[:, 6:8]
+    return np.column_stack([probability, middle - half, middle + half, hips, circle])
 
 
 def suppress_boxes(boxes: Array) -> Array:
@@ -184,7 +185,8 @@ def suppress_boxes(boxes: Array) -> Array:
     while len(left):
         first, left = left[0], left[1:]
         kept.append(first)
-        common = np.maximum(0.0, np.minimum(first[3:5], left[:, 3:5]) - np.maximum(first[1:3], left[:, 1:3])).prod(axis=1)
+        sides = np.minimum(first[3:5], left[:, 3:5]) - np.maximum(first[1:3], left[:, 1:3])
+        common = np.maximum(0.0, sides).prod(axis=1)
         both = (first[3:5] - first[1:3]).prod() + (left[:, 3:5] - left[:, 1:3]).prod(axis=1) - common
         left = left[common < _SAME_BOX * both]
     return np.array(kept).reshape(-1, 9)
