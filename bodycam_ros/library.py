@@ -32,6 +32,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
+from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.sensors import camera_turns
@@ -50,7 +51,8 @@ from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate, MapUpdateSo
 from bodycam_ros.replaying.recorded_part import WHOLE, published_window
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.results.verdict import Verdict
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.detected_people import detect_start
+from bodycam_ros.static_cameras.start_file import AUTO, StaticCameraFiles
 from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.tracking.image_rate import ImageRateLimit
@@ -111,6 +113,7 @@ class Replay(Iterator[BodyOutput]):
         self._readouts: Mapping[str, Readout | None] = body.readout_starts
         self._stations: Mapping[str, StaticCamera] = {}
         self._stamps_ns: Mapping[str, NDArray[np.int64]] | None = None  # of all images of static cameras of a bag
+        self._people: dict[str, list[list[Array]]] | None = None  # in the first images, where the start is detected
         self._log = CameraPoseLog(coupled_body(self._body, equipment), self._cameras, settings.pose_fit.inlier_px)
         self._static_log = StaticCameraLog()
         self._skeleton: SkeletonPipeline | None = None
@@ -175,6 +178,8 @@ class Replay(Iterator[BodyOutput]):
         # Static cameras observe what body cameras that are not on yet do not.
         solves_all = self._whole or bool(self._stations)
         window_ns, self.left_out = published_window(recording, body_cameras or recording.cameras, WHOLE, solves_all)
+        if files is not None and files.start == AUTO:
+            self._people = detect_start(recording.images(self._stations, window_ns), self._stations)
         return recording.images([*body_cameras, *self._stations], window_ns)
 
     def _measurement(self) -> ImageMeasurement | None:
@@ -195,6 +200,7 @@ class Replay(Iterator[BodyOutput]):
             log,
             live=self._live,
             stamps_ns=self._stamps_ns,
+            people=self._people,
         )
 
     def _messages(self, images: Iterable[CameraImage]) -> Iterator[LandmarkMatches | CameraImage]:

@@ -127,7 +127,7 @@ class EquipmentSearch:
 
 def close_loops(mechanism: Mechanism) -> tuple[Array, set[str]]:
     """A configuration that closes as many loops as can be closed together, and the loops that it leaves open."""
-    tried: list[tuple[Array, float]] = []
+    solutions: list[tuple[Array, float]] = []
     for bent in _BENT:
         start = mechanism.resting(bent)
         starts = [start]
@@ -135,10 +135,10 @@ def close_loops(mechanism: Mechanism) -> tuple[Array, set[str]]:
             attachments = [each.name for each in mechanism.equipment.attachments]
             starts = EquipmentSearch(mechanism).ranked(start, attachments, (), False)[:2]
         # A person sits on a bicycle in the posture that bends the least.
-        tried.append(min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1]))
-        if not mechanism.open_loops(tried[-1][0]):
-            return tried[-1][0], set()
-    best = min(tried, key=lambda pair: pair[1])[0]
+        solutions.append(min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1]))
+        if not mechanism.open_loops(solutions[-1][0]):
+            return solutions[-1][0], set()
+    best = min(solutions, key=lambda pair: pair[1])[0]
     left_open: set[str] = set()
     while opened := mechanism.open_loops(best) - left_open:
         left_open.add(max(opened, key=mechanism.strains(best).__getitem__))

@@ -84,7 +84,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "bones and girths; body cameras measure the former better"
     )
     add_option(static, "--stations", help=static_cameras_help)
-    add_option(static, "--start", help="with --stations: where the segments are in the first image")
+    start_help = (
+        "with --stations: where the segments are in the first image: a file, a folder with 2-D keypoints of each "
+        "camera, or auto, which detects the person in the first images"
+    )
+    add_option(static, "--start", help=start_help)
+    add_option(static, "--person")
     initial = static.add_mutually_exclusive_group()
     body_help = "with --stations: a body with approximate lengths"
     add_option(initial, "--initial-body", metavar="BODY.YAML", needs="stations", help=body_help)
@@ -177,7 +182,7 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
             arguments.recording,
             arguments.map,
             initial,
-            StaticCameraFiles(arguments.stations, None, arguments.start),
+            StaticCameraFiles(arguments.stations, None, arguments.start, arguments.person),
             pipeline,
             settings.shape,
             progress.show,

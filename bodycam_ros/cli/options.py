@@ -75,6 +75,11 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
         "help": "with --stations: 2-D keypoints of each camera, a JSON file for each image, which count beside the "
         "contours; the start as well where --start is not given",
     },
+    "--person": {
+        "type": number(int, 1, 20), "default": 1, "metavar": "N", "needs": "start",
+        "help": "with --start auto, or a folder of keypoints: which of the people it is; 1 is the one on whom the most "
+        "keypoints of all cameras agree (default: 1)",
+    },
     "--height": {"type": float, "metavar": "METRES"},
     "--lenses": {
         "metavar": "DIR_OR_FILE",

@@ -42,10 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--stations", help=static_cameras_help)
     add_option(parser, "--surface")
     start_help = (
-        "with --stations: where the segments are in the first image, or a folder with 2-D keypoints of each camera; "
-        "not needed if body cameras are registered"
+        "with --stations: where the segments are in the first image: a file, a folder with 2-D keypoints of each "
+        "camera, or auto, which detects the person in the first images; not needed if body cameras are registered"
     )
     add_option(parser, "--start", help=start_help)
+    add_option(parser, "--person")
     add_option(parser, "--keypoints")
     add_span(parser)
     parser.add_argument(
@@ -119,7 +120,7 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
         start = arguments.start or arguments.keypoints
-        return StaticCameraFiles(arguments.stations, arguments.surface, start, arguments.keypoints)
+        return StaticCameraFiles(arguments.stations, arguments.surface, start, arguments.keypoints, arguments.person)
     if arguments.map is None:
         raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

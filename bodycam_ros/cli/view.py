@@ -32,7 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="replace the output, if already there")
     place_help = "place the body by hand in the first images of --stations, and write the START.yaml that -o names"
     add_option(parser, "--place", metavar="BAG", help=place_help)
-    add_option(parser, "--start", needs="place", help="with --place: START.yaml with the initial pose of the body")
+    add_option(
+        parser,
+        "--start",
+        needs="place",
+        help="with --place: START.yaml with the initial pose of the body, or auto, which detects the person",
+    )
+    add_option(parser, "--person")
     height_help = "with --place, instead of --body: lengths of people of this height"
     add_option(parser, "--height", needs="place", help=height_help)
     parser.add_argument(
@@ -99,7 +105,8 @@ def _place(arguments: argparse.Namespace) -> None:
     from bodycam_ros.viewer.placing import PlacingSession, PlacingSources
     from bodycam_ros.viewer.server import LocalServer
 
-    files, output = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start), arguments.output
+    files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start, arguments.person)
+    output = arguments.output
     sources = PlacingSources(arguments.place, files, arguments.body or arguments.height, arguments.map)
     server = LocalServer(arguments.port, f"bodycam view: {output.name}")
     server.serve(lambda server: PlacingSession(server, sources, output))

@@ -14,7 +14,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.estimation.factors.joint_keypoints import JointKeypoints
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.static_cameras.static_camera import StaticCamera
-from bodycam_ros.static_cameras.triangulated_joints import INLIER, LEAST_SCORE, triangulate_person
+from bodycam_ros.static_cameras.triangulated_joints import INLIER, LEAST_SCORE, triangulate_people
 
 SIGMA_M = 0.04
 """Sigma of a keypoint, as a length at the joint's distance [m]: a detector's errors grow with the person's size."""
@@ -94,9 +94,10 @@ class KeypointEvidence:
             apart = [_apart_m(self._stations[name], person, places) for person in people]
             if apart and min(apart) < _NEAR_M:
                 nearest[name] = people[int(np.argmin(apart))]
-        if len(nearest) < 2:
+        found = triangulate_people(self._stations, {name: [person] for name, person in nearest.items()})
+        if not found:
             return AgreedKeypoints.nothing()
-        points, _ = triangulate_person(self._stations, {name: [person] for name, person in nearest.items()})
+        points, _ = found[0]
         known = np.isfinite(points).all(axis=1) & (self._rows >= 0)
         parts = [self._of(name, person, points, known) for name, person in nearest.items()]
         cameras, rows, pixels, sigmas = (np.concatenate(each) for each in zip(*parts, strict=True))
