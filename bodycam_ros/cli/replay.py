@@ -120,7 +120,9 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
         start = arguments.start or arguments.keypoints
-        return StaticCameraFiles(arguments.stations, arguments.surface, start, arguments.keypoints, arguments.person)
+        return StaticCameraFiles(
+            arguments.stations, arguments.surface, start, arguments.keypoints, arguments.person or 1
+        )
     if arguments.map is None:
         raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

@@ -84,7 +84,7 @@ def test_who_stands_is_written_and_who_does_not_is_named(
         "NOT placed: camera hand: it moves",
         "NOT placed: camera blank: 0 of its 2 images can be registered in the map; photograph what it sees",
         "NOT placed: camera lensless: ",
-        "NOT placed: camera halved: its images have 320 x 240 px, but its camera_info says 640 x 480",
+        "NOT placed: camera halved: its images have 320 x 240 pixels, but its lens (camera_info) is for 640 x 480",
     ):
         assert told in said
 
