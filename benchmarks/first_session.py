@@ -172,7 +172,7 @@ def cases(session: Session) -> Iterator[Case]:
     yield Case("motion before the N-pose", ("body", backwards, *sample), 0, ("N-pose from",))
     walk = session.bag("dev_gopro_walk")
     solve = ("replay", walk, "--map", session.map, "--force")
-    yield Case("late cameras", (*solve, "--body", session.body, "-o", work / "out"), 0, ("left out: the first",))
+    yield Case("late cameras", (*solve, "--body", session.body, "-o", work / "out"), 0, ("not solved: the first",))
     part = ("--from", "3", "--to", "4.5", "-o", work / "part")
     yield Case("a part", (*solve, "--body", session.body, *part), 0, ("verdict: good",))
     for name, body in bodies_of_others(session).items():

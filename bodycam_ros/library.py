@@ -4,7 +4,7 @@ from bodycam_ros import Body, Map, replay
 
 states = replay("walk.mcap", Map.load("map"), Body.load("body.yaml"))
 for output in states:
-print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
+    print(output.state.stamp_ns, dict(zip(output.joint_names, output.positions)))
 print(states.verdict)
 """
 
@@ -13,6 +13,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
+from types import NoneType
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
@@ -22,11 +26,13 @@ from bodycam_ros.body.equipment import Equipment
 from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.camera_info import camera_from_yaml
 from bodycam_ros.camera.readout import Readout, best_known
 from bodycam_ros.errors import BodyError
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
+from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.sensors import camera_turns
@@ -45,7 +51,8 @@ from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate, MapUpdateSo
 from bodycam_ros.replaying.recorded_part import WHOLE, published_window
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.results.verdict import Verdict
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.detected_people import detect_start
+from bodycam_ros.static_cameras.start_file import AUTO, StaticCameraFiles
 from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 from bodycam_ros.tracking.image_rate import ImageRateLimit
@@ -105,6 +112,8 @@ class Replay(Iterator[BodyOutput]):
         self.left_out = ""
         self._readouts: Mapping[str, Readout | None] = body.readout_starts
         self._stations: Mapping[str, StaticCamera] = {}
+        self._stamps_ns: Mapping[str, NDArray[np.int64]] | None = None  # of all images of static cameras of a bag
+        self._people: dict[str, list[list[Array]]] | None = None  # in the first images, where the start is detected
         self._log = CameraPoseLog(coupled_body(self._body, equipment), self._cameras, settings.pose_fit.inlier_px)
         self._static_log = StaticCameraLog()
         self._skeleton: SkeletonPipeline | None = None
@@ -158,6 +167,8 @@ class Replay(Iterator[BodyOutput]):
         )
         if files is not None:
             self._stations = read_recorded_static_cameras(files, self._map, recording, body)
+            if files.keypoints is not None:
+                self._stamps_ns = recording.image_stamps(self._stations)
         if not self._cameras:
             self._cameras.update({camera: recording.camera_model(camera) for camera in body_cameras})
         self._readouts = {
@@ -167,6 +178,8 @@ class Replay(Iterator[BodyOutput]):
         # Static cameras observe what body cameras that are not on yet do not.
         solves_all = self._whole or bool(self._stations)
         window_ns, self.left_out = published_window(recording, body_cameras or recording.cameras, WHOLE, solves_all)
+        if files is not None and files.start == AUTO:
+            self._people = detect_start(recording.images(self._stations, window_ns), self._stations)
         return recording.images([*body_cameras, *self._stations], window_ns)
 
     def _measurement(self) -> ImageMeasurement | None:
@@ -179,7 +192,15 @@ class Replay(Iterator[BodyOutput]):
             self._static_log.add_measured(stamps_ns, measured, body.segments)
 
         return image_measurement(
-            self._static_cameras, self._stations, body, Path(), self._settings, log, live=self._live
+            self._static_cameras,
+            self._stations,
+            body,
+            Path(),
+            self._settings,
+            log,
+            live=self._live,
+            stamps_ns=self._stamps_ns,
+            people=self._people,
         )
 
     def _messages(self, images: Iterable[CameraImage]) -> Iterator[LandmarkMatches | CameraImage]:
@@ -202,6 +223,7 @@ class Replay(Iterator[BodyOutput]):
             )
         limit = ImageRateLimit(settings.images.max_rate)
         for image in images:
+            _check_kind("one of the images", image, (CameraImage,), "CameraImage(camera, stamp_ns, pixels)")
             if image.camera in self._stations:
                 yield image
             if image.camera not in fronts or not limit.is_due(image.camera, image.stamp_ns):
@@ -225,7 +247,7 @@ def replay(
     images: Path | str | Iterable[CameraImage],
     reference_map: Map | None,
     body: BodyModel,
-    cameras: Mapping[str, CameraModel] | None = None,
+    cameras: Mapping[str, CameraModel | Path | str] | None = None,
     equipment: Equipment | None = None,
     settings: PipelineSettings | None = None,
     live: bool = False,
@@ -242,7 +264,7 @@ def replay(
         images: a ros2 bag folder or .mcap file, or images in order of their stamps.
         reference_map: metric; None with static cameras alone.
         body: which has been calibrated.
-        cameras: models of body cameras by name; of a bag its own.
+        cameras: name -> model of a body camera, or its camera_info YAML as ROS writes it; of a bag its own.
         equipment: what the body rides, holds or stands on.
         settings: of all stages.
         live: states follow by ``estimator.output_delay`` frames alone, and may be as much less accurate.
@@ -254,12 +276,19 @@ def replay(
         RecordingError: there is no recording, or an image cannot be decoded; with the first state.
         BodyError: the body carries none of the cameras that have models; with the first state.
         StaticCameraError: the static cameras cannot be used; with the first state.
+        LensError: a camera_info YAML cannot be used.
+        TypeError: an argument is of another kind, such as the path of a map in place of the map.
     """
+    _check_kind("reference_map", reference_map, (Map, NoneType), 'Map.load("map")')
+    _check_kind("body", body, (BodyModel,), 'Body.load("body.yaml")')
+    _check_kind("images", images, (Path, str, Iterable), 'a bag, "walk.mcap", or CameraImage(camera, stamp_ns, pixels)')
+    _check_kind("cameras", cameras, (Mapping, NoneType), '{"head": "head.yaml"}')
+    _check_kind("settings", settings, (PipelineSettings, NoneType), "PipelineSettings()")
     return Replay(
         images,
         reference_map,
         body,
-        cameras or {},
+        {camera: _lens(camera, lens) for camera, lens in (cameras or {}).items()},
         equipment,
         settings or PipelineSettings(),
         live,
@@ -267,3 +296,14 @@ def replay(
         static_cameras,
         whole,
     )
+
+
+def _lens(camera: str, lens: CameraModel | Path | str) -> CameraModel:
+    """Model of a camera, which may be in a file."""
+    _check_kind(f"cameras[{camera!r}]", lens, (CameraModel, Path, str), '"head.yaml", or a CameraModel')
+    return lens if isinstance(lens, CameraModel) else camera_from_yaml(Path(lens), camera)
+
+
+def _check_kind(argument: str, given: object, kinds: tuple[type, ...], expected: str) -> None:
+    if not isinstance(given, kinds):
+        raise TypeError(f"replay: {argument} is a {type(given).__name__}; expected {expected}")

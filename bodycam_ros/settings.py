@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal, TypeVar
 import msgspec
 
 from bodycam_ros.errors import SettingsError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.files.yaml_file import read_yaml
 
 S = TypeVar("S")
@@ -122,7 +122,7 @@ def settings_from_mapping(
     known = {s.name: s for s in describe(settings_type)}
     for name in values:
         if name not in known:
-            raise SettingsError(f"{source}: there is no setting {shown(name)}; known are {', '.join(sorted(known))}")
+            raise SettingsError(f"{source}: there is no setting {shown(name)}; {other_than(name, sorted(known))}")
     return settings_type(**{name: known[name].check(value, source, is_text=is_text) for name, value in values.items()})
 
 

@@ -1,5 +1,6 @@
 """The package as a library: the lines in the README, and what they give against ``bodycam replay``."""
 
+import dataclasses
 import os
 import re
 import subprocess
@@ -10,9 +11,12 @@ import numpy as np
 from helpers.naming import naming
 from static_cameras.painted_bag import dressed_body, write_painted
 
-from bodycam_ros import Body, Map, StaticCameraFiles, replay
+from bodycam_ros import Body, CameraModel, Map, StaticCameraFiles, replay
+from bodycam_ros.camera.camera_image import decode_colour
+from bodycam_ros.camera.camera_info import camera_info_yaml
 from bodycam_ros.cli.main import main
 from bodycam_ros.errors import BodyError
+from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.results.solved_recording import read_solved
 
 REPOSITORY = Path(__file__).parent.parent
@@ -69,8 +73,6 @@ def test_static_cameras_are_those_of_a_replay(sample: Path, tmp_path: Path) -> N
 
 
 def test_live_states_come_while_images_are_given(sample: Path) -> None:
-    from bodycam_ros.recording.bag_reader import open_recording
-
     body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
     given = 0
     with open_recording(sample / "sample" / "bag") as recording:
@@ -92,3 +94,39 @@ def test_images_without_models_are_refused(sample: Path) -> None:
     body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
     with naming(BodyError, "models"):
         next(replay([], reference_map, body))
+
+
+def test_lenses_are_read_from_their_files(sample: Path, tmp_path: Path) -> None:
+    """Images in colour, and a lens of which the path is given."""
+    body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
+    with open_recording(sample / "sample" / "bag") as recording:
+        model = recording.camera_model("waist_front")
+        images = [
+            dataclasses.replace(image, content=decode_colour(image)) for image in recording.images(["waist_front"])
+        ][:9]
+    (tmp_path / "lens.yaml").write_text(camera_info_yaml(model))
+    of_file, of_model = (
+        replay(images, reference_map, body, {"waist_front": lens}, live=True)
+        for lens in (tmp_path / "lens.yaml", model)
+    )
+    poses = [[output.state.world_T_segment for output in states] for states in (of_file, of_model)]
+    assert poses[0]
+    np.testing.assert_array_equal(*poses)
+
+
+def test_an_argument_of_another_kind_is_named(sample: Path) -> None:
+    body, reference_map = Body.load(sample / "body.yaml"), Map.load(sample / "map")
+    wrong: tuple[tuple[str, tuple[object, ...]], ...] = (
+        ("reference_map", ([], str(sample / "map"), body)),
+        ("body", ([], reference_map, "body.yaml")),
+        ("images", (5, reference_map, body)),
+        ("cameras", ([], reference_map, body, ["head.yaml"])),
+        ("cameras['head']", ([], reference_map, body, {"head": 5})),
+    )
+    for named, arguments in wrong:
+        with naming(TypeError, named):
+            replay(*arguments)  # type: ignore[arg-type]
+    model = CameraModel("head", 640, 480, 300.0, 300.0, 320.0, 240.0, (), "plumb_bob")
+    pixels = np.zeros((480, 640), np.uint8)
+    with naming(TypeError, "ndarray", "CameraImage"):
+        next(replay([pixels], reference_map, body, {"head": model}))  # type: ignore[list-item]

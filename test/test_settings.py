@@ -66,7 +66,7 @@ def test_a_word_may_stand_for_a_number(config: Path) -> None:
 @pytest.mark.parametrize(
     ("values", "complaint"),
     [
-        ({"warmth": 1.0}, "here: there is no setting 'warmth'; known are fan, heat, recipe, trays"),
+        ({"warmth": 1.0}, "here: there is no setting 'warmth'; there are fan, heat, recipe, trays"),
         ({"heat": "hot"}, "heat = 'hot': Expected float, got str; bakes 95 %"),
         ({"heat": True}, "heat = True: Expected float, got bool"),
         ({"trays": 2.0}, "trays = 2.0: Expected int | str, got float"),

@@ -33,6 +33,7 @@ from benchmarks.figures import (
     recorded_motion,
     speed,
     static_cameras,
+    unnamed_errors,
 )
 from benchmarks.figures.bench import REPOSITORY, Bench
 from benchmarks.figures.figure import Figure, read_limits
@@ -96,6 +97,8 @@ def measurements(mode: str) -> Iterator[Measurement]:
         for name in ("dev_outside_cycle", "dev_outside_board"):
             for surface in ("scan", "capsules"):
                 yield Measurement(f"{name} {surface}", partial(static_cameras.rendered, name=name, surface=surface))
+            yield Measurement(f"{name} starts", partial(unnamed_errors.unnamed_errors, name=name))
+        yield Measurement("pose2sim starts", unnamed_errors.pose2sim)
         yield Measurement("static cameras and bicycle", static_cameras.rider)
         yield Measurement("pose2sim", real_person.pose2sim)
         yield Measurement("wrong lens", partial(faulty_cameras.wrong_lens, walk=walk))

@@ -19,7 +19,7 @@ _RATE_HZ = 60
 _CUT_ABOVE_PX = 7
 """Two of the videos lack some rows and columns that their lens counts."""
 
-_JOINTS = {
+JOINTS = {
     f"{segment}_{side}": [name.format(long=side[0].upper(), short="L" if side == "left" else "r") for name in names]
     for side in ("left", "right")
     for segment, names in {
@@ -65,7 +65,7 @@ def pose2sim(bench: Bench) -> Iterator[Figure]:
         group = f"pose2sim{what}"
         flags = ("--stations", demo / f"{cameras}.yaml", "--start", start)
         ran = bench.replay(group, bag, demo / "body.yaml", *flags)
-        off_cm = _against_markers(Result.read(bench.out(group)), demo / "reference.trc")
+        off_cm = against_markers(Result.read(bench.out(group)), demo / "reference.trc")
         yield Figure(f"{group}: joint position, aligned, mean [cm]", float(np.nanmean(off_cm)))
         yield Figure(f"{group}: joint position, aligned, max [cm]", float(np.nanmax(off_cm)))
         yield Figure(f"{group}: verdict", verdict(ran))
@@ -135,7 +135,7 @@ def _camera_info(types: object, Info: type, header: object, lens: dict) -> objec
     )  # fmt: skip
 
 
-def _against_markers(result: Result, trc: Path) -> Array:
+def against_markers(result: Result, trc: Path) -> Array:
     """(T, J) distances [cm] of joints from the means of markers, after one rigid alignment."""
     lines = trc.read_text().splitlines()
     names = [name for name in lines[3].split("\t")[2:] if name]
@@ -144,10 +144,10 @@ def _against_markers(result: Result, trc: Path) -> Array:
     markers = np.array(rows)[:, 2:].reshape(len(rows), -1, 3)[:, :, [2, 0, 1]]
     frames = np.round((result.seconds - result.seconds[0]) * _RATE_HZ).astype(int)
     known = frames < len(markers)
-    joints = [joint for joint in _JOINTS if joint in result.links]
+    joints = [joint for joint in JOINTS if joint in result.links]
     ours = np.stack([result.links[joint][known, :3, 3] for joint in joints], axis=1)
     theirs = np.stack(
-        [np.mean([markers[frames[known], names.index(m)] for m in _JOINTS[joint]], axis=0) for joint in joints], axis=1
+        [np.mean([markers[frames[known], names.index(m)] for m in JOINTS[joint]], axis=0) for joint in joints], axis=1
     )
     both = np.isfinite(theirs).all(axis=2)
     R, t = rigid_fit(ours[both], theirs[both])

@@ -73,7 +73,8 @@ def page(run: Run, limits: Mapping[str, Limit]) -> str:
     lines = [
         "# Figures",
         "",
-        "Made by `make figures`; do not edit. No change may break a limit (`benchmarks/figures/limits.yaml`).",
+        "Made by `make figures`; do not edit. A value beyond its limit (`benchmarks/figures/limits.yaml`) is a",
+        "regression to repair.",
         "*Noise* is how far two runs of the same code differ on a shared machine, as a share of the value.",
         "",
         f"Commit {run.commit}, {run.cores} cores, load {run.load:.1f} at the start, {run.seconds / 60.0:.0f} min.",

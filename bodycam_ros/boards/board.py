@@ -9,7 +9,7 @@ import numpy as np
 
 from bodycam_ros.boards.apriltag import FAMILIES
 from bodycam_ros.errors import MapError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.geometry import Array, rotation_to_z
 
@@ -56,7 +56,7 @@ def read_board(path: Path) -> Board:
             f"{path}: a board needs 'family' and 'corners_in_board' (tag: four corners [m]): {problem}"
         ) from error
     if family not in FAMILIES:
-        raise MapError(f"{path}: there is no AprilTag family {shown(family)}; known are {', '.join(FAMILIES)}")
+        raise MapError(f"{path}: there is no AprilTag family {shown(family)}; {other_than(family, FAMILIES)}")
     if not corners or any(c.shape != (4, 3) or not np.isfinite(c).all() for c in corners.values()):
         raise MapError(f"{path}: 'corners_in_board' must give each tag four corners of three finite numbers [m]")
     for tag, corners_tag in corners.items():

@@ -16,7 +16,7 @@ import yaml
 from bodycam_ros.boards.board import read_board
 from bodycam_ros.boards.board_layout import APRILTAG, CHARUCO, CHECKERBOARD, KINDS, BoardLayout, tags_in
 from bodycam_ros.errors import LensError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.files.yaml_file import read_yaml
 
 MARK = "# board of bodycam"
@@ -80,7 +80,7 @@ def read_layout(path: Path) -> BoardLayout:
         raise LensError(f"{path}: expected a board description with kind, columns, rows and so on; see docs/board.md")
     kind = document.get("kind", APRILTAG)
     if kind not in KINDS:
-        raise LensError(f"{path}: there is no kind of board {shown(kind)}; known are {', '.join(KINDS)}")
+        raise LensError(f"{path}: there is no kind of board {shown(kind)}; {other_than(kind, KINDS)}")
     if kind == APRILTAG and "corners_in_board" in document:
         board = read_board(path)
         family = dictionaries()[board.family]

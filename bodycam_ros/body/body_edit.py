@@ -9,6 +9,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.geometry import Array, inverse, rigid
 from bodycam_ros.kinematics.joint import Joint
 
@@ -25,7 +26,7 @@ def move_mount(body: BodyModel, camera: str, segment_T_camera: Array) -> BodyMod
         BodyError: the body has no such camera, or the pose is not finite.
     """
     if camera not in body.mounts:
-        raise BodyError(f"no camera {camera} on this body; there are {', '.join(body.mounts) or 'none'}")
+        raise BodyError(f"no camera {camera} on this body; {other_than(camera, body.mounts)}")
     moved = replace(body.mounts[camera], segment_T_camera=segment_T_camera.copy())
     return replace(body, mounts={**body.mounts, camera: moved})
 
@@ -34,7 +35,7 @@ def move_joint(body: BodyModel, name: str, parent_T_joint: Array) -> BodyModel:
     """The body with a joint elsewhere.
 
     A joint of the tree takes the origin of its child along, because a segment's frame starts at the joint to its
-    parent (DESIGN 3). In the N-pose all cameras, all other joints and the child's axes stay where they were.
+    parent. In the N-pose all cameras, all other joints and the child's axes stay where they were.
 
     Args:
         body: to be corrected.
@@ -83,4 +84,4 @@ def joint_named(body: BodyModel, name: str) -> Joint:
     for joint in body.joints:
         if joint.name == name:
             return joint
-    raise BodyError(f"no joint {name} in this body; there are {', '.join(j.name for j in body.joints) or 'none'}")
+    raise BodyError(f"no joint {name} in this body; {other_than(name, (joint.name for joint in body.joints))}")

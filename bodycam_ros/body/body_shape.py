@@ -24,7 +24,7 @@ class ShapeSettings:
     length_sigma: float = setting(
         0.06,
         limits=(0.001, 1.0),
-        reason="relative error of a length beforehand; raise it for bodies of unusual proportions",
+        reason="relative standard deviation of a length before it is measured; raise it for unusual proportions",
     )
 
 

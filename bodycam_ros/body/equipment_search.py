@@ -15,7 +15,12 @@ _KERNEL = 10.0  # sigmas at which an attachment counts half: a prediction may be
 _UNPLACED = np.repeat([0.35, 0.3], 3)  # [rad], [m] a root whose sigmas are larger is not placed yet
 _LEAST_LEVER_M = 0.01  # points nearer to an axis do not determine a rotation about it
 _STEPS = 20  # from each start
-_BENT = 0.6  # of the way to the middle of its limits: a straight knee has no direction in which to bend
+_BENT = 0.6, 0.9, 0.3
+"""How far a joint begins on the way to the middle of its limits; the next one where loops stay open.
+
+A straight knee has no direction in which to bend; limits make minima that another start does not have.
+"""
+
 _STIFFENING = 1e-6  # added to information, so that it has an inverse
 
 
@@ -122,15 +127,18 @@ class EquipmentSearch:
 
 def close_loops(mechanism: Mechanism) -> tuple[Array, set[str]]:
     """A configuration that closes as many loops as can be closed together, and the loops that it leaves open."""
-    start = mechanism.resting(_BENT)
-    starts = [start]
-    if mechanism.equipment is not None:
-        attachments = [each.name for each in mechanism.equipment.attachments]
-        starts = EquipmentSearch(mechanism).ranked(start, attachments, (), False)[:2]
-    # A person sits on a bicycle in the posture that bends the least.
-    best = min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1])[0]
-    if not mechanism.open_loops(best):
-        return best, set()
+    solutions: list[tuple[Array, float]] = []
+    for bent in _BENT:
+        start = mechanism.resting(bent)
+        starts = [start]
+        if mechanism.equipment is not None:
+            attachments = [each.name for each in mechanism.equipment.attachments]
+            starts = EquipmentSearch(mechanism).ranked(start, attachments, (), False)[:2]
+        # A person sits on a bicycle in the posture that bends the least.
+        solutions.append(min((solve(mechanism, start) for start in starts), key=lambda pair: pair[1]))
+        if not mechanism.open_loops(solutions[-1][0]):
+            return solutions[-1][0], set()
+    best = min(solutions, key=lambda pair: pair[1])[0]
     left_open: set[str] = set()
     while opened := mechanism.open_loops(best) - left_open:
         left_open.add(max(opened, key=mechanism.strains(best).__getitem__))

@@ -33,7 +33,7 @@ from bodycam_ros.body.body_yaml import JointEntry, joint_of, mount_of
 from bodycam_ros.body.checked_fields import UNTURNED, Entry, Name, Point, read_entry
 from bodycam_ros.body.equipment import Attachment, Equipment, Interval, SegmentMotion
 from bodycam_ros.errors import BodyError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FARTHEST_M, TIGHT_M, Joint
@@ -95,8 +95,8 @@ def equipment_path(name_or_path: str | Path) -> Path:
         return path
     if path.name not in (supplied := supplied_equipment()):
         raise BodyError(
-            f"equipment {path.name or '(no name)'}: none of that name is supplied; there are {', '.join(supplied)}. A "
-            f"file of yours is named with its ending: {path.stem or 'mine'}.yaml"
+            f"equipment {path.name or '(no name)'}: none of that name is supplied; {other_than(path.name, supplied)} "
+            f"(a file of yours is named with its ending: {path.stem or 'mine'}.yaml)"
         )
     return _supplied_folder() / f"{path.name}.yaml"
 

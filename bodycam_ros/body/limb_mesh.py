@@ -1,6 +1,7 @@
 """Surfaces of capsules: each limb is the hull of balls along a line, as one closed mesh.
 
-Segments of the default body (DESIGN 3) have the forms of people (``girths``); others are a capsule along each bone.
+Segments of the default body (docs/joints.md) have the forms of people (``girths``); others are a capsule along each
+bone.
 """
 
 from collections.abc import Sequence

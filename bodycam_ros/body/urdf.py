@@ -1,7 +1,7 @@
 """The body as URDF: for robot_state_publisher, RViz and every tool that reads robots.
 
 Links are named as the segments and start at the joint to their parent; the zero pose is the N-pose. A ball joint is
-three revolute joints through two links without mass or shape (DESIGN 3); a free joint, on which a machine stands beside
+three revolute joints through two links without mass or shape; a free joint, on which a machine stands beside
 the body, three prismatic ones and then three continuous ones, so that the robot has one root. Cameras are fixed links
 ``<cam>_optical_frame``, so their TF comes for free.
 
@@ -244,7 +244,7 @@ class LinkTransforms:
         self._twists = np.array(twists).reshape(-1, 6)
 
     def moving(self, names: Sequence[str], positions: NDArray[np.float64]) -> list[LinkTransform]:
-        """Those that move.
+        """Joints that move.
 
         Args:
             names: J joints, all that move among them.

@@ -93,7 +93,7 @@ def refuse_impossible(bones: Sequence[BoneLength]) -> None:
     statures = _statures(bones)
     if statures and not SHORTEST_M <= (stature_m := median(statures)) <= TALLEST_M:
         raise MapError(
-            f"by its bones this body would be {stature_m:.2f} m tall, as no person is: {_wrong_scale(stature_m)}"
+            f"from the bones this person would be {stature_m:.2f} m tall, as nobody is: {_wrong_scale(stature_m)}"
         )
 
 
@@ -101,7 +101,7 @@ def odd_scale(stature_m: float | None) -> str:
     """A warning if few people have the stature that a body's bones let expect; empty otherwise."""
     if stature_m is None or _ODD_BELOW_M <= stature_m <= _ODD_ABOVE_M:
         return ""
-    return f"by its bones this body is {stature_m:.2f} m tall; unless the person is, {_wrong_scale(stature_m)}"
+    return f"from its bones this person is {stature_m:.2f} m tall; if that is not true, {_wrong_scale(stature_m)}"
 
 
 def _statures(bones: Sequence[BoneLength]) -> list[float]:
@@ -113,8 +113,8 @@ def _wrong_scale(stature_m: float) -> str:
     factor = max(stature_m / USUAL_STATURE_M, USUAL_STATURE_M / stature_m)
     size = "large" if stature_m > USUAL_STATURE_M else "small"
     return (
-        f"the map's scale looks wrong by a factor of about {factor:.2g} (too {size}): is the tag size in board.yaml in "
-        "metres? Mend it and build the map again"
+        f"the map's scale is probably too {size} by a factor of about {factor:.2g}. Check that the tag size in "
+        "board.yaml is in metres, correct it, and build the map again"
     )
 
 
@@ -163,7 +163,7 @@ def _asymmetry_warning(bone: BoneLength, partner: BoneLength) -> str:
     return (
         f"{bone.words} {_cm(bone.length_m)}, {partner.words} {_cm(partner.length_m)}: they differ by "
         f"{1e3 * difference_m:.0f} mm; repeat the motions of {bone.start}, {bone.end}, {partner.start} and "
-        f"{partner.end} unless the body is so"
+        f"{partner.end}, unless the person really is like that"
     )
 
 

@@ -54,12 +54,12 @@ def assess(
     joints = tuple(_joint(found, zeroed, joint, covariance) for joint in zeroed.motion.body.tree_joints)
     if unknown := [joint for joint in joints if not joint.sigma_m.max() <= _MAX_SIGMA_M]:
         lines = [
-            f"joint {joint.name} is known to {1e3 * joint.sigma_m.max():.0f} mm only (at most "
-            f"{1e3 * _MAX_SIGMA_M:.0f} will do): {SegmentName(joint.child).exercise}"
+            f"joint {joint.name} is uncertain by {1e3 * joint.sigma_m.max():.0f} mm (allowed: "
+            f"{1e3 * _MAX_SIGMA_M:.0f} mm): {SegmentName(joint.child).exercise}"
             for joint in unknown
         ]
         raise RangeOfMotionError(
-            "the range of motion does not determine every joint. Repeat it, and\n  " + "\n  ".join(lines)
+            "the range of motion does not determine every joint. Repeat it with these motions:\n  " + "\n  ".join(lines)
         )
     bones = bone_lengths(zeroed.motion.body, covariance)
     stature_m = expected_stature(bones)
@@ -159,7 +159,10 @@ def _cameras(
         if slip is not None:
             warning = slip_warning(camera, slip)
         elif share < _WARN_REGISTERED:
-            warning = f"camera {camera} was registered in {100 * share:.0f} % of its images only: what does it see?"
+            warning = (
+                f"camera {camera} was registered in only {100 * share:.0f} % of its images; check what it sees, and "
+                "photograph that for the map"
+            )
         else:
             warning = doubts.get(camera, "")
         turned, moved = (

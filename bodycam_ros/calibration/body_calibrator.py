@@ -118,7 +118,7 @@ class BodyCalibrator:
         found, hinges, resting, rows = initial.found, initial.hinges, initial.resting, initial.rows
         is_resting = np.isin(rows, resting)
         if limbs := exchanged_limbs(initial.motion, is_resting):
-            evidence = f"with the left as the right, {wrong_bending(limbs)}"
+            evidence = f"with this rig {wrong_bending(limbs)}"
             raise refuse_rig(self._rig, exchange_limbs(self._rig.cameras, limbs), evidence)
         start = zero_at_rest(initial.motion, is_resting, self._facing_rad, hinges)  # A eq. 16-17
         on_progress("joint centres", 1.0)

@@ -101,8 +101,8 @@ def camera_motion(logs: Sequence[CameraLog], first_ns: int | None = None) -> Cam
     for log in logs:
         if not log.registered:
             raise RangeOfMotionError(
-                f"camera {log.camera}: none of its {log.images} images could be registered in the map, so nothing is "
-                "known of its segment; is the lens covered, or does it look where the map has no landmarks?"
+                f"camera {log.camera}: none of its {log.images} images could be registered in the map, so its segment "
+                "is not measured; check that its lens is free and that it sees the mapped place"
             )
     registered = [[m for m in log.matches if m.world_T_camera is not None] for log in logs]
     own_stamps_ns = [np.array([m.stamp_ns for m in seen], dtype=np.int64) for seen in registered]

@@ -120,13 +120,14 @@ def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> list[str]:
             complaints.append(f"joint {named.joint} was held still {values}: {named.exercise}")
         elif freedoms < _BALL and not named.straight_in_rest:
             complaints.append(
-                f"joint {named.joint} was turned about one axis only {values}, so its place along that axis is open: "
+                f"joint {named.joint} turned about one axis only {values}, so its place along that axis is unknown: "
                 f"{named.exercise}"
             )
         elif freedoms < _BALL:
             hinges.append(child)
     if complaints:
         raise RangeOfMotionError(
-            "the range of motion does not determine every joint. Repeat it, and\n  " + "\n  ".join(complaints)
+            "the range of motion does not determine every joint. Repeat it with these motions:\n  "
+            + "\n  ".join(complaints)
         )
     return hinges

@@ -39,7 +39,7 @@ def find_joints(rig: Rig, motion: CameraMotion) -> FoundJoints:
     """
     if len(rig.segments) < 2:
         raise RangeOfMotionError(
-            f"the rig has cameras on {rig.root} only; a body needs cameras on two segments that hang together"
+            f"the rig has cameras on {rig.root} only; a body needs cameras on two segments that share a joint"
         )
     virtual, centres = {}, {}
     for segment in rig.segments:  # A eq. 6-7

@@ -47,7 +47,7 @@ def find_rest_pose(
         when = f"from {given_s[0]:g} to {given_s[1]:g} s"
         if len(rows) < _LEAST_GIVEN_ROWS:
             raise RangeOfMotionError(
-                f"the N-pose is given {when}, where the recording has {len(rows)} images of a camera; it lasts from "
+                f"--rest-pose: the recording has only {len(rows)} images of a camera {when}; give a part of "
                 f"{seconds[0]:.1f} to {seconds[-1]:.1f} s"
             )
     else:
@@ -57,7 +57,7 @@ def find_rest_pose(
         if not one.known[rows].any():
             raise RangeOfMotionError(
                 f"segment {segment}: none of its cameras is registered while the body stands still in the N-pose "
-                f"({when}), so its zero is not known; take the N-pose where the cameras see the map"
+                f"({when}), so its angles have no zero; stand in the N-pose where the cameras see the mapped place"
             )
     return rows
 

@@ -51,7 +51,7 @@ class Rig:
                 raise BodyError(f"camera {camera}: its segment {segment} is not among the segments")
         for segment, parent in self.parents.items():
             if parent is not None and parent not in self.parents:
-                raise BodyError(f"segment {segment}: hangs on {parent}, which is not among the segments")
+                raise BodyError(f"segment {segment}: its parent {parent} is not among the segments")
         roots = [segment for segment, parent in self.parents.items() if parent is None]
         if len(roots) != 1:
             raise BodyError(f"one segment must be the root, with null as its parent, not {len(roots)}: {roots}")
@@ -59,8 +59,8 @@ class Rig:
             self._path_to_root(segment)
         if bare := [segment for segment in self.segments if not self.cameras_on(segment)]:
             raise BodyError(
-                f"segments {', '.join(bare)} carry no camera, but others hang on them: what a joint between two "
-                "segments does is seen by cameras on both; strap one on, or leave out what hangs on it"
+                f"segments {', '.join(bare)} carry no camera, but they are parents of other segments. A joint is "
+                "measured by cameras on both of its segments: strap a camera on, or leave out their children"
             )
 
     @classmethod

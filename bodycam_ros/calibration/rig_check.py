@@ -53,9 +53,9 @@ class MisplacedCameras:
     def evidence(self) -> str:
         """What speaks against the rig, and how clearly."""
         return (
-            f"cameras of one segment or joint are apart by up to {1e3 * self.gap_m:.0f} mm as the rig has them, by "
-            f"{1e3 * self.left_m:.0f} mm with this mended; the next best explanation leaves {self.other:.1f} times as "
-            "much"
+            f"with this rig cameras of one segment or joint contradict each other by up to {1e3 * self.gap_m:.0f} mm, "
+            f"after this correction by {1e3 * self.left_m:.0f} mm; the second best correction leaves "
+            f"{self.other:.1f} times as much"
         )
 
 
@@ -112,7 +112,7 @@ def refuse_rig(rig: Rig, cameras: Mapping[str, str], evidence: str) -> RigError:
             named |= {camera, partner}
     exchanged = [f"cameras {', and '.join(pairs)} are exchanged"] if pairs else []
     return RigError(
-        f"{'; '.join([*exchanged, *alone])}: {evidence}. Mend the rig, or the names of the files, and make the body "
+        f"{'; '.join([*exchanged, *alone])}: {evidence}. Correct the rig, or the names of the files, and make the body "
         "again"
     )
 

@@ -48,7 +48,7 @@ def fuse_cameras(names: Sequence[str], world_T_camera: Array, known: NDArray[np.
         if not together.any():
             raise RangeOfMotionError(
                 f"cameras {names[reference]} and {name} are on one segment but were never registered at the same time, "
-                "so how they sit to each other is unknown; repeat the recording where both see the mapped place"
+                "so their relative pose is unknown; repeat the recording where both see the mapped place"
             )
         relative = inverse(world_T_camera[together, reference]) @ world_T_camera[together, k]
         virtual_T_camera[name] = robust_average_pose(relative)  # A eq. 6

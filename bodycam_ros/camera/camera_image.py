@@ -248,9 +248,9 @@ class CameraImage:
     Attributes:
         camera: the camera's name.
         stamp_ns: mid-exposure of the middle row [ns].
-        content: the file's bytes (JPEG or PNG), the grey pixels (H, W) uint8 of a raw image, a picture in another
-            encoding, raw or in a file, a video's frame, decoded or still a packet, or the error that says why there is
-            none.
+        content: the file's bytes (JPEG or PNG), the pixels of a raw image, uint8, grey (H, W) or (H, W, 3) in the
+            order blue, green, red, a picture in another encoding, raw or in a file, a video's frame, decoded or still a
+            packet, or the error that says why there is none.
         recorded_ns: when it came, of a recording [ns]; of a video's frame, when what completed it came.
     """
 
@@ -275,11 +275,13 @@ def decode_grey(image: CameraImage) -> NDArray[np.uint8]:
     """Grey pixels (H, W) uint8.
 
     Raises:
-        RecordingError: the bytes are no image that OpenCV can decode, the message was malformed, or it is a video's
-            packet, which only a ``VideoDecoder`` that saw those before it can decode.
+        RecordingError: the bytes are no image that OpenCV can decode, the pixels are none, the message was malformed,
+            or it is a video's packet, which only a ``VideoDecoder`` that saw those before it can decode.
     """
     content = _decodable(image, cv2.IMREAD_GRAYSCALE)
-    return content if isinstance(content, np.ndarray) else content.grey()
+    if not isinstance(content, np.ndarray):
+        return content.grey()
+    return content if content.ndim == 2 else np.asarray(cv2.cvtColor(content, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
 
 
 def decode_colour(image: CameraImage) -> NDArray[np.uint8]:
@@ -302,4 +304,16 @@ def _decodable(image: CameraImage, mode: int) -> NDArray[np.uint8] | Picture:
         raise RecordingError(f"camera {image.camera}: a video's packet is no picture without those before it")
     if isinstance(image.content, bytes):
         return np.asarray(file_values(image.camera, image.stamp_ns, image.content, mode), dtype=np.uint8)
+    if isinstance(image.content, np.ndarray):
+        _check_pixels(image.camera, image.content)
     return image.content
+
+
+def _check_pixels(camera: str, pixels: NDArray[Any]) -> None:
+    """Raise RecordingError unless an array holds an image's pixels."""
+    is_image = pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] == 3)
+    if not is_image or pixels.dtype != np.uint8 or not pixels.size:
+        raise RecordingError(
+            f"camera {camera}: an array of shape {pixels.shape} and type {pixels.dtype} is no image; expected uint8, "
+            "(height, width) grey or (height, width, 3) in the order blue, green, red"
+        )

@@ -11,7 +11,7 @@ from bodycam_ros.camera.model import MODELS, CameraModel
 from bodycam_ros.camera.readout import LONGEST_READOUT_S
 from bodycam_ros.errors import LensError
 from bodycam_ros.files.bounded_inputs import MOST_PIXELS
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.files.yaml_file import read_yaml
 
 # Lengths of d beside the model's own: what a shorter list leaves out is zero, what a longer one adds must be zero
@@ -43,8 +43,8 @@ def camera_from_info(
         LensError: a field is missing, malformed or of an unsupported model.
     """
     if distortion_model not in MODELS:
-        known = ", ".join(sorted(MODELS))
-        raise _error(name, f"distortion model {shown(distortion_model)} is unknown; known are {known}")
+        known = other_than(distortion_model, sorted(MODELS))
+        raise _error(name, f"distortion model {shown(distortion_model)} is unknown; {known}")
     if not (width > 0 and height > 0):
         raise _error(name, f"the image size must be positive, not {width} x {height}")
     if width * height > MOST_PIXELS:

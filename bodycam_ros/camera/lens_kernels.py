@@ -139,7 +139,7 @@ def project_point(lens: Array, x: float, y: float, z: float) -> tuple[float, flo
 def project_point_with_jacobian(
     lens: Array, x: float, y: float, z: float
 ) -> tuple[float, float, bool, float, float, float, float, float, float]:
-    """As ``project_point``, then the derivatives [px/m] of u by x, y and z, and those of v."""
+    """Project as ``project_point`` does; return also the derivatives [px/m] of u by x, y and z, and those of v."""
     fx, fy = lens[_FX], lens[_FY]
     if lens[_MODEL] == PERSPECTIVE:
         px, py = x / z, y / z

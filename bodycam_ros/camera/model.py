@@ -196,13 +196,13 @@ def mode_of_size(lens: tuple[int, int], images: tuple[int, int]) -> str:
     if abs(of_images / of_lens - 1.0) < _SAME:
         way = "smaller" if images[0] < lens[0] else "larger"
         return (
-            f"the same shape, {way}: most likely another resolution was set; record in the lens' own, or measure the "
-            "lens in this one (bodycam lens)"
+            f"the same shape, but {way}: most likely another resolution was set; record in the resolution of the lens "
+            "YAML, or measure the lens in this one (bodycam lens)"
         )
     if abs(of_images * of_lens - 1.0) < _SAME:
-        return "height for width: the camera was held, or its driver turns, by 90 degrees; turn it back"
+        return "width and height are exchanged: the camera or its driver turned the image by 90 degrees; turn it back"
     cut = "above and below" if of_images > of_lens else "at the sides"
     return (
-        f"another shape: most likely a mode that cuts the picture {cut}, such as 16:9 in place of 4:3; record in the "
-        "lens' mode, or measure the lens in this one (bodycam lens)"
+        f"another shape: most likely a mode that cuts off the picture {cut}, such as 16:9 instead of 4:3; record in "
+        "the mode of the lens YAML, or measure the lens in this one (bodycam lens)"
     )

@@ -50,7 +50,10 @@ class Readout:
         return self.sigma < _ENOUGH_S or abs(self.seconds) + 3.0 * self.sigma < _LEAST_S
 
     def updated(self, seconds: float, information: float) -> "Readout":
-        """With the estimate of one image [s], and its information [1/s^2]; one that is given stays as it is."""
+        """Return the read-out time updated by the estimate of one image [s], with its information [1/s^2].
+
+        A given read-out time does not change.
+        """
         if self.is_given:
             return self
         surprise = abs(seconds - self.seconds) / math.sqrt(1.0 / max(information, 1e-9) + self.sigma**2)

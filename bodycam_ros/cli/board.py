@@ -25,7 +25,7 @@ those printed beside them, give what you measured with --ruler-mm and --force: b
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add_output(parser, "BOARD.pdf", "page to write, and beside it BOARD.yaml", "BOARD.pdf and BOARD.yaml")
-    parser.add_argument("--kind", choices=_KINDS, default="apriltag", help="what is on it (%(default)s)")
+    parser.add_argument("--kind", choices=_KINDS, default="apriltag", help="kind of board (%(default)s)")
     parser.add_argument(
         "--page",
         default=PAGES["A4"],
@@ -37,14 +37,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--up",
         choices=("x", "y", "z", "-x", "-y", "-z"),
         default="z",
-        help="which way of the board points up where it is placed: z if it lies, y if it hangs on a wall (%(default)s)",
+        help="axis of the board that points up: z if the board lies flat, y if it hangs on a wall (%(default)s)",
     )
     parser.add_argument(
         "--ruler-mm",
         type=number(float, 0.1, _MOST_MM, "mm"),
         nargs=2,
         metavar=("ACROSS", "UPWARDS"),
-        help="how long the printed rulers really are: board.yaml becomes right for that print",
+        help="measured lengths of the printed rulers; board.yaml then describes this print",
     )
 
 

@@ -45,16 +45,16 @@ from bodycam_ros.static_cameras.body_measurement import MeasuredBody
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
 EPILOG = (
-    "Exit code: 0 if there is a body, 3 if the rig has cameras on the wrong segments, 1 if a file or the motion cannot "
-    "be used."
+    "Exit code: 0 if BODY was written, 3 if the rig has cameras on the wrong segments, 1 if a file or the motion "
+    "cannot be used."
 )
 
 _LENGTHS = (
     ("initial [mm]", "initial", ".0f", 1e3), ("found [mm]", "found", ".0f", 1e3), ("sigma [mm]", "sigma", ".1f", 1e3),
 )  # fmt: skip
-_LENGTHS_NOTE = "from joint to joint, along an axis; red: not measured, about the initial value"
+_LENGTHS_NOTE = "length from joint to joint, along an axis; red: not measured, stays near the initial value"
 _GIRTHS = (("found", "found", ".2f"), ("sigma", "sigma", ".2f"))
-_GIRTHS_NOTE = "times as thick as people of this size; red: not measured"
+_GIRTHS_NOTE = "girth relative to people of this size, 1: the same; red: not measured"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,8 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--facing",
         type=number(float, -360.0, 360.0, "degrees"),
         metavar="DEGREES",
-        help="direction that the person faces in the N-pose, about the map's z from its x (default: by hips and "
-        "shoulders)",
+        help="direction that the person faces in the N-pose: angle about the map's z axis, from its x axis (default: "
+        "from hips and shoulders)",
     )
     add_span(parser)
     parser.add_argument(
@@ -85,7 +85,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "bones and girths; body cameras measure the former better"
     )
     add_option(static, "--stations", help=static_cameras_help)
-    add_option(static, "--start", help="with --stations: where the segments are in the first image")
+    start_help = (
+        "with --stations: where the segments are in the first image: a file, a folder with 2-D keypoints of each "
+        "camera, or auto, which detects the person in the first images"
+    )
+    add_option(static, "--start", help=start_help)
+    add_option(static, "--person")
     initial = static.add_mutually_exclusive_group()
     body_help = "with --stations: a body with approximate lengths"
     add_option(initial, "--initial-body", metavar="BODY.YAML", needs="stations", help=body_help)
@@ -102,7 +107,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise BodyError(f"{output}: a body is a YAML file; give a name such as legs.yaml")
     if arguments.stations is not None:
         for flag in given_flags(arguments, "rig", "facing", "rest_pose", "from_s", "to_s"):
-            raise BodyError(f"{flag.removesuffix('-s')} is for body cameras; static ones, of --stations, do without")
+            raise BodyError(f"{flag.removesuffix('-s')} is for body cameras; leave it out with --stations")
     elif arguments.map is None or arguments.rig is None:
         raise BodyError(
             "a body is measured by body cameras, with --map and --rig, or by static ones, with --stations, --start and "
@@ -178,7 +183,7 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
             arguments.recording,
             arguments.map,
             initial,
-            StaticCameraFiles(arguments.stations, None, arguments.start),
+            StaticCameraFiles(arguments.stations, start=arguments.start, person=arguments.person or 1),
             pipeline,
             settings.shape,
             progress.show,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
 from bodycam_ros.errors import BodycamError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.settings import check_name
 
 
@@ -65,7 +66,7 @@ class CommandParser(argparse.ArgumentParser):
             group, _, name = flag.removeprefix("--").partition(".")
             check_name(group, flag)
             if group not in (known := read_groups()):
-                self.error(f"{flag}: there is no group of settings {group} here; there are {', '.join(sorted(known))}")
+                self.error(f"{flag}: there is no group of settings {group} here; {other_than(group, sorted(known))}")
             value = text if is_joined else next(following, None)
             if value is None:
                 self.error(f"{flag}: its value is missing")
@@ -91,12 +92,12 @@ bodycam: motion capture from body-mounted cameras. The steps:
 
   1. Photograph the place, an AprilTag board on its floor, and make a map of it:
        bodycam map REFERENCE_DIR -o MAP
-  2. Strap the cameras on and say in RIG.yaml which is on which segment. Record a
-     range of motion, then what you are after. Videos of ordinary cameras become a
-     bag; cameras that write ros2 bags need no such step:
+  2. Strap the cameras on and note in RIG.yaml the segment of each camera. Record a
+     range of motion, then the motion that you want. Make a bag from the videos of
+     ordinary cameras; cameras that write ros2 bags do not need this step:
        bodycam ingest FILES_OR_FOLDER -o BAG
-  3. Before you take the cameras off: is it good enough? Takes seconds; leave out
-     --rig where the recording is no range of motion:
+  3. Check the recording before you take the cameras off; this takes seconds. Leave
+     out --rig if the recording is not a range of motion:
        bodycam doctor ROM_BAG --map MAP --rig RIG.yaml
   4. Make the body, skeleton and camera mounts, of the range of motion:
        bodycam body ROM_BAG --map MAP --rig RIG.yaml -o BODY.yaml

@@ -1,4 +1,4 @@
-"""bodycam doctor: is a recording good enough? Before the long run, and before everybody goes home; takes seconds."""
+"""bodycam doctor: check a recording before you solve it and before the cameras come off; this takes seconds."""
 
 import argparse
 import json
@@ -16,8 +16,8 @@ from bodycam_ros.quality.doctor import DoctorInput, examine, skipped_checks
 from bodycam_ros.results.verdict import WRONG_RESULT, Finding, Level, finding_record, worst_level
 
 EPILOG = (
-    "Exit code: 0 if nothing is wrong, 3 if something is: mend it and record again; 1 if a file cannot be used. "
-    "Samples are checked: what is good may still fail, what is wrong will."
+    "Exit code: 0 if nothing is wrong, 3 if something is wrong (correct it and record again), 1 if a file cannot be "
+    "used. Only some images are checked: a recording that is good here may still fail, one that is wrong will fail."
 )
 
 
@@ -26,14 +26,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     recording_help = "ros2 bag folder or .mcap file, or a video or a folder with videos"
     add_option(parser, "recording", metavar="RECORDING", help=recording_help)
     add_option(parser, "--map")
-    add_option(parser, "--body", help="body YAML: are all its cameras there?")
+    add_option(parser, "--body", help="body YAML; checks that all its cameras are in the recording")
     add_option(
         parser,
         "--rig",
-        help="rig YAML: are all its cameras there? With --map RECORDING is taken for a range of motion: was every "
-        "joint moved? (not of videos, of which a few images are checked)",
+        help="rig YAML; checks that all its cameras are in the recording. With --map the recording must be a range of "
+        "motion, and the exercise of every joint is checked (not in videos, of which only a few images are checked)",
     )
-    add_option(parser, "--board", help="AprilTag board, is it in view? (default: board.yaml beside it)")
+    add_option(
+        parser,
+        "--board",
+        help="description of the AprilTag board; checks that it is in view (default: board.yaml beside RECORDING)",
+    )
     add_option(parser, "--lenses")
     add_option(parser, "--imu")
     add_topics(parser)
@@ -57,9 +61,9 @@ def run(arguments: argparse.Namespace) -> int:
         for check in skipped_checks(given, findings):
             Terminal().print(f"not checked: {check}")
         verdict = {
-            Level.GOOD: "good: nothing speaks against it",
-            Level.DOUBTFUL: "doubtful: it can be used, and would be better with the changes above",
-            Level.WRONG: "wrong: mend what is wrong and record again",
+            Level.GOOD: "good: no problem was found",
+            Level.DOUBTFUL: "doubtful: the recording can be used; the changes above would make it better",
+            Level.WRONG: "wrong: correct what is marked as wrong above, then record again",
         }[level]
         Terminal().print(Text(verdict, STYLES[level]))
     return WRONG_RESULT if level is Level.WRONG else 0

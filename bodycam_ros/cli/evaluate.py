@@ -1,4 +1,4 @@
-"""bodycam evaluate: how good is a solved recording, on its own or against the truth; exit code 3 if it is wrong."""
+"""bodycam evaluate: measure how good a solved recording is, alone or against truth; exit code 3 if it is wrong."""
 
 import argparse
 from pathlib import Path
@@ -13,7 +13,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")
     add_output(
-        parser, "DIR", "folder for report.html, summary.json and their pictures", "pictures in DIR of other origin"
+        parser,
+        "DIR",
+        "folder for report.html, summary.json and their pictures",
+        "pictures in DIR that this command did not write",
     )
     bag_help = "bag that OUT was solved from: adds reprojection errors and overlay.png"
     add_option(parser, "--recording", metavar="BAG", help=bag_help)
@@ -33,15 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     truth.add_argument(
         "--clock",
         choices=("found", "shared"),
-        help="whether the other system's stamps are of our clock, or offset and rate are found by the motion (default: "
-        "found)",
+        help="shared: the other system's stamps are of the clock of this recording; found: clock offset and rate are "
+        "estimated from the motion (default)",
     )
     truth.add_argument(
         "--points",
         type=Path,
         metavar="POINTS.YAML",
-        help="what its points are, where their names do not match: 'RKNE: thigh_right' is a marker on that segment, "
-        "'RKJC: knee_right' the centre of that joint, or of a camera; null leaves one out",
+        help="YAML with the meaning of points whose names are unknown: 'RKNE: thigh_right' is a marker on that "
+        "segment, 'RKJC: knee_right' the centre of that joint; a camera's name is its centre; null leaves a point out",
     )
     static = parser.add_argument_group("static cameras")
     static_cameras_help = "with --recording: where its static cameras are; adds outside.png, the body over their images"

@@ -1,4 +1,4 @@
-"""bodycam ingest: videos of cameras in, one bag out, and a report on their clocks."""
+"""bodycam ingest: make one bag from the videos of all cameras, and a report on their clocks."""
 
 import argparse
 from collections.abc import Iterator
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from bodycam_ros.ingest.ingest import IngestSummary
     from bodycam_ros.ingest.ingest_camera import IngestCamera
 
-EPILOG = "Exit code: 0 if all cameras are in the bag, 3 if one is left out and named; 1 if a file cannot be used."
+EPILOG = (
+    "Exit code: 0 if all cameras are in the bag, 3 if a camera is left out (it is named), 1 if a file cannot be used."
+)
 
 _CLOCKS = (
     ("by", "by", ""), ("start [s]", "time.start_s", "+.4f"), ("sigma [ms]", "time.start_sigma_s", ".1f", 1e3),
@@ -27,8 +29,9 @@ _CLOCKS = (
     ("confidence", "time.confidence", ".2f"),
 )  # fmt: skip
 _CLOCKS_NOTE = (
-    "start: of the file, in the recording's time; sigma: of its images, of which the first is exposed up to one frame "
-    "after the sound begins: body and replay find the rest by the motion; confidence: lead over the second best start"
+    "start: start of the file in the recording's time; sigma: standard deviation of the time of its images, as the "
+    "first image is exposed up to one frame after the sound begins ('bodycam body' and 'bodycam replay' estimate the "
+    "rest from the motion); confidence: how much better this start fits than the second best one"
 )
 _KNOWN_DRIFT = 50e-6  # sigma; cameras that run for seconds tell no drift, and what is printed would be chance
 _WRITTEN = (
@@ -67,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--rate",
         type=number(float, 1e-3, 1000.0, "Hz"),
         metavar="HZ",
-        help="of folders with images that are not named by stamps",
+        help="images per second of folders with images, if their names are not stamps",
     )
     parser.add_argument(
         "--scale",
@@ -78,8 +81,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--check-lenses",
         action="store_true",
-        help="compare each lens with the motion in its images; takes longer than all else (replay compares the lenses "
-        "of cameras that fit badly)",
+        help="compare each lens with the motion in its images; this takes longer than all other steps together (replay "
+        "does it for cameras that fit badly)",
     )
     add_option(parser, "--jobs", help="threads (default: all cores)")
 

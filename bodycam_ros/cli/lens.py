@@ -31,10 +31,10 @@ _COLUMNS = (
 _MARK = "# lens measured by bodycam"
 
 EPILOG = """
-Film in the mode that will be recorded in, stabilisation off, for a minute: the board still while the camera looks, near
-enough to fill a third of the picture, in every part of it out to the corners, straight and tilted by 30 to 45 deg to
-all sides. A checkerboard has to be whole in each picture. Exit code: 0 if LENS.yaml was written, with warnings where it
-is less certain than it could be; 3 if no lens explains the pictures; 1 if something cannot be used.
+Film for a minute, in the mode of your later recordings, with stabilisation off. The board should fill a third of the
+picture. Show it in every part of the picture, out to the corners, straight and tilted by 30 to 45 deg to all sides;
+stop at each place. A checkerboard must be whole in each picture. Exit code: 0 if LENS.yaml was written (warnings tell
+what would make it better), 3 if no lens fits the pictures, 1 if a file cannot be used.
 """
 
 
@@ -56,9 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--model",
         choices=("auto", *_MODELS),
         default="auto",
-        help="camera model; auto: the simplest that explains pictures left out as well as any (%(default)s)",
+        help="camera model; auto: the simplest one that fits the test pictures as well as the best (%(default)s)",
     )
-    parser.add_argument("--name", help="of the camera (the name of LENS.yaml)")
+    parser.add_argument("--name", help="name of the camera (default: the name of LENS.yaml)")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     _print_found(console, calibration)
     write_whole(picture, calibration_plot(calibration, f"Lens {name}: {calibration.chosen.model}"))
     for warning in calibration.warnings:
-        console.print(f"less certain than it could be: {warning}", style="yellow")
+        console.print(f"warning: {warning}", style="yellow")
     if calibration.objections:
         for why in calibration.objections:
             console.print(f"rejected: {why}", style="red")
@@ -112,6 +112,6 @@ def _print_found(console: Terminal, calibration: LensCalibration) -> None:
     if calibration.remark:
         console.print(calibration.remark, style="yellow")
     console.print(
-        f"{calibration.given} pictures, {calibration.found} show the board, {len(views)} taken; it was "
-        f"seen in {area.coverage:.0%} of the picture, out to {area.reach:.0%} of its radius, turned {area.tilts} ways"
+        f"{calibration.given} pictures, {calibration.found} show the board, {len(views)} are used; the board covers "
+        f"{area.coverage:.0%} of the picture, out to {area.reach:.0%} of its radius, in {area.tilts} tilts"
     )

@@ -1,4 +1,4 @@
-"""bodycam map: photographs of a place in, or a video of a walk through it, a reference map out."""
+"""bodycam map: build a reference map from photographs of a place, or from a video of a walk through it."""
 
 import argparse
 import logging
@@ -16,6 +16,7 @@ from bodycam_ros.cli.output import StepProgress, shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import MapError
 from bodycam_ros.files.output_place import check_output
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.files.whole_file import scratch_folder
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.lens.lens_check import warn_of_mismatch
@@ -158,7 +159,7 @@ def _scale_line(built: BuiltMap) -> str:
         return "NOT metric: without a board, a known distance or inertial sensors the scale is arbitrary"
     if known is not None and built.residual is not None:
         share, sigma = 100 / known.scale, 100 * known.sigma
-        return f"metric, by the board; in it the known distance is {share:.1f} % of what was measured, +- {sigma:.1f} %"
+        return f"metric, by the board; in it the known distance is {share:.1f} +- {sigma:.1f} % of the given one"
     if known is not None:
         return f"metric, by a known distance: scale +- {100 * known.sigma:.1f} %; a board is more accurate"
     if built.inertial is None:
@@ -203,7 +204,9 @@ def _opened_source(
         if source is not None:
             raise MapError(f"give either {source} or --from-bag {bag}: a map is made of one of them")
         for flag in given_flags(arguments, "camera"):
-            raise MapError(f"{flag} does not go with --from-bag, which takes all body cameras as the bag has them")
+            raise MapError(
+                f"{flag} cannot be used with --from-bag: the bag has the lenses of its cameras; leave it out"
+            )
         rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
         known = [_known_distance(a, b, text, rig, arguments.rig) for a, b, text in arguments.known_distance]
         needed = [camera for each in known for camera in (each.first, each.second)]
@@ -235,7 +238,7 @@ def _opened_source(
 
 def _existing(source: Path | None) -> Path:
     if source is None:
-        raise MapError("give REFERENCE_DIR or VIDEO, or --from-bag BAG, to make a map of")
+        raise MapError("nothing to make a map from: give REFERENCE_DIR, VIDEO or --from-bag BAG")
     if not source.exists():
         raise MapError(
             f"{source}: no such folder or file; expected a folder with photographs and camera.yaml, or a video"
@@ -257,8 +260,8 @@ def _known_distance(first: str, second: str, text: str, rig: Rig | None, rig_pat
         raise MapError(f"--known-distance {first} {second} {text}: the last must be a number of metres") from error
     if rig and (unknown := [camera for camera in (first, second) if camera not in rig.cameras]):
         raise MapError(
-            f"--known-distance {first} {second}: {rig_path} has no camera {unknown[0]}; it has "
-            f"{', '.join(sorted(rig.cameras))}"
+            f"--known-distance {first} {second}: {rig_path} has no camera {unknown[0]}; "
+            f"{other_than(unknown[0], sorted(rig.cameras))}"
         )
     if rig and rig.cameras[first] != rig.cameras[second]:
         raise MapError(

@@ -1,4 +1,4 @@
-"""bodycam map extend: a recording and a map in, a map out with landmarks of its body cameras too (A 4.1)."""
+"""bodycam map extend: add landmarks that the body cameras of a recording see to a map, and write a new map."""
 
 import argparse
 

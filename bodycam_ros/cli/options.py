@@ -4,7 +4,6 @@ import argparse
 import math
 import os
 from collections.abc import Callable, Mapping
-from difflib import get_close_matches
 from pathlib import Path
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from bodycam_ros.cli.command_parser import CommandParser
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.files.output_place import check_file, check_output
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.settings import SettingsGroups, read_settings_file, settings_from_mapping
 
 if TYPE_CHECKING:
@@ -71,11 +70,21 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
         "capsules along the bones)",
     },
     "--start": {"metavar": "START", "needs": "stations"},
+    "--keypoints": {
+        "metavar": "FOLDER", "needs": "stations",
+        "help": "with --stations: 2-D keypoints of each camera, a JSON file for each image, which count beside the "
+        "contours; the start as well where --start is not given",
+    },
+    "--person": {
+        "type": number(int, 1, 20), "metavar": "N", "needs": "start",
+        "help": "with --start auto, or a folder of keypoints: which of the people it is; 1 is the one on whom the most "
+        "keypoints of all cameras agree (default: 1)",
+    },
     "--height": {"type": float, "metavar": "METRES"},
     "--lenses": {
         "metavar": "DIR_OR_FILE",
-        "help": "folder with each camera's lens YAML (default: beside its video), or a file of static cameras, which "
-        "has their lenses: of bodycam stations, a TOML, .qca.txt",
+        "help": "folder with a lens YAML for each camera (default: beside its video), or a file of static cameras with "
+        "their lenses (from 'bodycam stations', a TOML or a .qca.txt)",
     },
     "--jobs": {"type": number(int, 1, 1000), "default": os.cpu_count() or 1},
 }  # fmt: skip
@@ -114,8 +123,8 @@ def add_topics(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="CAMERA=TOPIC",
-        help="topics of other names: of a camera's images, whose camera_info is beside them, such as "
-        "waist_front=/cam0/color/image_raw; of a sensor, waist_front/imu=/cam0/imu",
+        help="topics that are not named /CAMERA/image_raw: images of a camera, with camera_info beside them, as "
+        "waist_front=/cam0/color/image_raw; inertial sensor of a camera, as waist_front/imu=/cam0/imu",
     )
 
 
@@ -136,7 +145,9 @@ def add_span(parser: argparse.ArgumentParser, *to_flags: str) -> None:
     seconds = number(float, 0.0, 1e7, "s")
     parser.add_argument("--from", dest="from_s", type=seconds, metavar="S", help=f"start of the part to use, {unit}")
     to_flags = to_flags or ("--to", "--until")
-    parser.add_argument(*to_flags, dest="to_s", type=seconds, metavar="S", help="end of the part to use, likewise")
+    parser.add_argument(
+        *to_flags, dest="to_s", type=seconds, metavar="S", help="end of the part to use, in the same seconds"
+    )
 
 
 def given_span(arguments: argparse.Namespace) -> "TimeSpan":
@@ -200,7 +211,7 @@ def add_config(parser: argparse.ArgumentParser, *groups: str) -> None:
     Args:
         groups: ``module:class`` of settings, imported if a flag is used.
     """
-    flags = ", each also as --GROUP.NAME VALUE, which wins" if groups else ""
+    flags = "; a flag --GROUP.NAME VALUE overrides a setting" if groups else ""
     help_text = f"ROS parameter YAML with settings, as 'bodycam settings' prints them{flags}"
     parser.add_argument("--config", type=Path, metavar="YAML", help=help_text)
     parser.set_defaults(settings={})
@@ -248,7 +259,5 @@ def _read_groups(config: Path, groups_type: type[SettingsGroups]) -> dict[str, d
         known = all_groups() | groups_type.groups()
         for group in groups:
             if group not in known:
-                alike = get_close_matches(group, known, n=1)
-                meant = f"; is '{alike[0]}' meant?" if alike else f"; known are {', '.join(sorted(known))}"
-                raise SettingsError(f"{config}: there is no group {shown(group)}{meant}")
+                raise SettingsError(f"{config}: there is no group {shown(group)}; {other_than(group, sorted(known))}")
     return groups

@@ -18,8 +18,9 @@ _COLUMNS = (
     ("missing", "missing", "d"), ("left out", "left_out", "d"), ("read-out [ms]", "readout", ""),
 )  # fmt: skip
 _NOTE = (
-    "registered: in the map; dropped: could not be used; missing: counted in the recording, but not in it; left "
-    "out: by images.max_rate; read-out: time of all rows, 0 for a global shutter"
+    "registered: share of images with a pose in the map; dropped: images that could not be used; missing: images that "
+    "the recording counts but does not contain; left out: images beyond images.max_rate; read-out: time from the first "
+    "row to the last, 0 for a global shutter"
 )
 
 
@@ -54,7 +55,7 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path, names: T
         terminal.print(remark, style="red")
     clocks = clock_remarks(summary.timings, summary.speeds, summary.clock_sigma_s)
     rejected = (
-        f"camera {camera}: rejected at {count} frames, where the others contradict it"
+        f"camera {camera}: rejected in {count} frames, because it contradicts the other cameras"
         for camera, count in summary.rejected.most_common()
     )
     for line in merge_lines((*summary.notes, *clocks, *rejected)):
@@ -62,8 +63,8 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path, names: T
     share = summary.solved / summary.frames if summary.frames else 0.0
     terminal.print(
         f"{summary.solved} of {summary.frames} frames solved ({share:.1%}), {summary.predicted} of them without "
-        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s in "
-        f"{summary.elapsed_s:.1f} s, {summary.real_time_factor:.2f} of real time; written to {output}"
+        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s solved "
+        f"in {summary.elapsed_s:.1f} s ({summary.real_time_factor:.2f} of real time); written to {output}"
     )
     return print_verdict(terminal, summary.verdict)
 

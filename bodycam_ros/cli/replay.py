@@ -1,4 +1,4 @@
-"""bodycam replay: a recorded bag in, a bag with joint states out; exit code 3 where the result should not be used."""
+"""bodycam replay: solve a bag, and write a bag with joint states; exit code 3 where the result should not be used."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -42,10 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--stations", help=static_cameras_help)
     add_option(parser, "--surface")
     start_help = (
-        "with --stations: where the segments are in the first image, or a folder with 2-D keypoints of each camera; "
-        "body cameras measure it as well"
+        "with --stations: where the segments are in the first image: a file, a folder with 2-D keypoints of each "
+        "camera, or auto, which detects the person in the first images; not needed if body cameras are registered"
     )
     add_option(parser, "--start", help=start_help)
+    add_option(parser, "--person")
+    add_option(parser, "--keypoints")
     add_span(parser)
     parser.add_argument(
         "--all",
@@ -58,13 +60,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=number(int, 1, 100),
         default=1,
         metavar="N",
-        help="passes over the recording: all but the last register its cameras and add the landmarks that they see to "
-        "a copy of the map (default: 1; 3 where the map shows a part of the place)",
+        help="passes over the recording; all but the last add the landmarks that its cameras see to a copy of the map. "
+        "Use 3 if the map shows only a part of the place (default: 1)",
     )
     parser.add_argument(
         "--slim",
         action="store_true",
-        help="leave tracks and landmarks out of OUT, three quarters of it; reprojection errors are then unknown",
+        help="do not write tracks and landmarks, which are three quarters of OUT; 'bodycam evaluate' then has no "
+        "reprojection errors",
     )
     add_option(parser, "--jobs", help="processes for the cameras (default: all cores)")
     add_config(parser, PIPELINE)
@@ -116,7 +119,10 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     if arguments.stations is not None:
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
-        return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start)
+        start = arguments.start or arguments.keypoints
+        return StaticCameraFiles(
+            arguments.stations, arguments.surface, start, arguments.keypoints, arguments.person or 1
+        )
     if arguments.map is None:
         raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

@@ -12,7 +12,8 @@ _WIDTH = 120
 _TITLE = """\
 # All settings of all stages with their defaults, as 'bodycam settings' prints them. The same file serves every node
 # (--ros-args --params-file FILE) and --config of every command; what a file leaves out keeps its default.
-# Of what is live a running node takes another value (ros2 param set); of the rest when it is configured.
+# A running node accepts a new value of a setting marked 'live' (ros2 param set); it reads the others when it is
+# configured.
 """
 
 

@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
             raise StaticCameraError(
                 f"{arguments.recording}: does not exist; give a recording, or a file of static cameras"
             )
-        raise StaticCameraError("give with --map the map in which the cameras stand")
+        raise StaticCameraError("the map is missing; give the map of the place with --map")
     reference_map = load_map(arguments.map)
     found: list[RegisteredStaticCamera] = []
     unplaced: list[UnplacedCamera] = []
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     terminal = Terminal()
     if found:
         rows = {each.station.name: each for each in found}
-        note = "sigma: of the pose, by its landmarks, all axes together"
+        note = "of: images that were tried; sigma: standard deviation of the pose, all axes together"
         print_sections(terminal, [column_table("static cameras", "camera", _COLUMNS, rows, note)])
     for camera in unplaced:
         terminal.print(f"NOT placed: {camera.reason}")

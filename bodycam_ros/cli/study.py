@@ -18,8 +18,8 @@ from bodycam_ros.study.study_file import check_results_folder, read_study
 
 EPILOG = """
 STUDY.yaml lists who was recorded where, as docs/study.md describes. The commands
-are those of 'bodycam run'; --dry-run prints them, for a cluster say. It may be
-interrupted, and continues where it was. A step runs again where its command, a
+are those of 'bodycam run'; --dry-run prints them, for example for a cluster. A
+study may be interrupted, and continues where it was. A step runs again where its command, a
 setting, this software or an input has changed. A recording that fails is named,
 the others go on.
 
@@ -33,7 +33,9 @@ failed, 128 + the number of the signal that ended it.
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("study", type=Path, metavar="STUDY.YAML", help="which recordings, of whom, where")
+    parser.add_argument(
+        "study", type=Path, metavar="STUDY.YAML", help="YAML file with the recordings, people and places"
+    )
     parser.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="folder for all results (default: STUDY, beside the file)"
     )

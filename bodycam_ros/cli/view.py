@@ -1,4 +1,4 @@
-"""bodycam view: map, body and recording in a browser, to inspect them and to correct mounts and joints (A 4.2)."""
+"""bodycam view: map, body and recording in a browser, to inspect them and to correct mounts and joints."""
 
 import argparse
 from contextlib import ExitStack, suppress
@@ -20,19 +20,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     out_help = "bag that 'bodycam replay' wrote (without it: the body in its N-pose)"
     add_option(parser, "solved", nargs="?", metavar="OUT", help=out_help)
     add_option(parser, "--map")
-    body_help = "body, which corrections are written to (default: that of OUT, and none are)"
+    body_help = "body YAML; corrections are written to it (default: the body in OUT, without writing corrections)"
     add_option(parser, "--body", metavar="BODY.yaml", help=body_help)
     add_option(parser, "--recording", metavar="BAG", help="bag that OUT was solved from: shows its images")
-    add_option(parser, "--stations", help="where static cameras are: shows them and their images")
+    add_option(parser, "--stations", help="file of static cameras; they and their images are shown")
     add_option(parser, "--surface")
-    video_help = "file to write: a video of the body, without a browser; with --place the start of the static cameras"
+    video_help = "write a video of the body to this file, without a browser; with --place: the START.yaml to write"
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.mp4", help=video_help)
-    over_help = "with -o and --recording: over the images of this camera, not from outside"
+    over_help = "with -o and --recording: draw the body over the images of this camera (default: a view from outside)"
     add_option(parser, "--over", type=str, metavar="CAMERA", needs="output", help=over_help)
     parser.add_argument("--force", action="store_true", help="replace the output, if already there")
     place_help = "place the body by hand in the first images of --stations, and write the START.yaml that -o names"
     add_option(parser, "--place", metavar="BAG", help=place_help)
-    add_option(parser, "--start", needs="place", help="with --place: where the body is at first")
+    add_option(
+        parser,
+        "--start",
+        needs="place",
+        help="with --place: START.yaml with the initial pose of the body, or auto, which detects the person",
+    )
+    add_option(parser, "--person")
     height_help = "with --place, instead of --body: lengths of people of this height"
     add_option(parser, "--height", needs="place", help=height_help)
     parser.add_argument(
@@ -40,9 +46,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="show what the running graph publishes (needs ROS 2); --map, --namespace and --port apply",
     )
-    name_help = "with --live: of the person's graph, as anna"
+    name_help = "with --live: namespace of the person's graph, such as anna"
     add_option(parser, "--namespace", type=str, metavar="NAME", needs="live", help=name_help)
-    parser.add_argument("--port", type=int, default=PORT, help=f"of this machine; 0 takes any free one ({PORT})")
+    parser.add_argument(
+        "--port", type=int, default=PORT, help=f"port of the page on this machine; 0: any free port ({PORT})"
+    )
     parser.set_defaults(usage_error=parser.error)
 
 
@@ -97,7 +105,8 @@ def _place(arguments: argparse.Namespace) -> None:
     from bodycam_ros.viewer.placing import PlacingSession, PlacingSources
     from bodycam_ros.viewer.server import LocalServer
 
-    files, output = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start), arguments.output
+    files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start, person=arguments.person or 1)
+    output = arguments.output
     sources = PlacingSources(arguments.place, files, arguments.body or arguments.height, arguments.map)
     server = LocalServer(arguments.port, f"bodycam view: {output.name}")
     server.serve(lambda server: PlacingSession(server, sources, output))

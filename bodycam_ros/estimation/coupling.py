@@ -104,7 +104,7 @@ class Coupling:
         self.reset()
 
     def reset(self) -> None:
-        """After a pause: the equipment is searched again, its lengths are known as well as before."""
+        """Search the equipment again after a gap; keep the estimates of its lengths."""
         self.placed = False
         self._driven = frozenset[int]()
         self._first_shifts, self._first_sigmas = self._shifts, self._sigmas
@@ -190,7 +190,7 @@ class Coupling:
         return at.placed(motion), self._tangent.columns_of(joints)
 
     def upright_measurement(self, now: CoupledState) -> SegmentPoses:
-        """That the root is upright, once: when it is placed."""
+        """Measurement that the root is upright; once, when its pose is initialised."""
         sigma, poses = self.equipment.upright_sigma, []
         if now.is_placed_now and np.isfinite(sigma):
             level = now.start.poses[self._root].copy()

@@ -65,7 +65,10 @@ class EquipmentMotion:
         return active is not None and bool((active.driving & self._held[:, row]).any())
 
     def prior(self, active: ActiveAttachments) -> MotionPrior:
-        """How the equipment's coordinates move, and those of limbs that it leads: they hold what no limb drives."""
+        """Motion prior of the equipment's coordinates, and of those of limbs that it moves.
+
+        It constrains what no observed limb drives.
+        """
         density = self._density.copy()
         for row in self.coasting_rows:
             if not self.is_driven(row, active):

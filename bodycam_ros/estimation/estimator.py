@@ -282,7 +282,8 @@ class BodyEstimator:
         # The measurements of this state.
         cameras = SegmentPoses.from_evidence(self.body, [*known, *static.evidence])
         predicted = self._prior.predict(joints_observed, joints_turning, dt_s or LASTS_S)
-        measured, coupled = Measurements(cameras, predicted.replaced(static.joints())), None
+        expected, keypoints = predicted.replaced(static.joints()), static.measured.keypoints
+        measured, coupled = Measurements(cameras, expected, keypoints=keypoints), None
         if self._coupling:
             coupled = self._coupling.update(frame.stamp_ns, start, on_body | static.segments)
             measured, link = self._couple(self._coupling, coupled, measured, link)
@@ -361,7 +362,8 @@ class BodyEstimator:
         at, columns = coupling.restarted(link.prediction.at, coupled, before)
         cameras = measured.cameras + coupling.upright_measurement(coupled)
         expected = measured.expected + coupled.expected(at)
-        return Measurements(cameras, expected, coupled.closed), self._restarted(link, at, columns)
+        measured = Measurements(cameras, expected, coupled.closed, measured.keypoints)
+        return measured, self._restarted(link, at, columns)
 
     def flush(self) -> list[BodyState]:
         """The states that still wait for later frames; the recording is over."""

@@ -19,8 +19,9 @@ class EstimatorSettings:
         unit="frames",
         limits=(0, 60),
         words=(OFFLINE,),
-        reason="a frame is published when this many followed, so that a blink of a camera is bridged from both sides; "
-        "'offline' solves the whole recording together, and is for recordings only",
+        reason="number of later frames that are solved before a frame is published, so that a short gap of a camera is "
+        "interpolated from both sides; raise it for longer gaps, at the cost of delay. 'offline' solves the whole "
+        "recording together, for recordings only",
     )
     max_pause: float = setting(
         1.0,

@@ -155,8 +155,8 @@ class InertialSensors:
                 )
             elif abs(filtered.delay) > _OTHER_DELAY_S:
                 faults[name] = (
-                    f"has stamps {1e3 * filtered.delay:+z.0f} ms from those of the range of motion, corrected here; "
-                    "did its driver change?"
+                    f"has a delay that differs by {1e3 * filtered.delay:+z.0f} ms from the range of motion, corrected; "
+                    "check whether its driver has changed"
                 )
             elif not checked and images >= _LEAST_IMAGES and len(filtered.motion):
                 faults[name] = (
@@ -165,7 +165,7 @@ class InertialSensors:
                 )
             elif checked and self._late[name] > max(_LEAST_IMAGES, _LATE_SHARE * images):
                 faults[name] = (
-                    f"has no samples yet at {self._late[name]} of {images} images; do they arrive late, or did it stop?"
+                    f"has no samples at {self._late[name]} of {images} images; check that it runs and is not late"
                 )
         return faults
 

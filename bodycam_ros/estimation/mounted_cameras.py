@@ -21,9 +21,16 @@ class EvidenceSettings:
         0.0004,
         unit="rad",
         limits=(0.0, 0.1),
-        reason="least sigma of a registration's rotation: errors that map, lens and strap share, at any count",
+        reason="standard deviation added to the rotation of every registered camera, for errors of map, lens and "
+        "strap; raise it to weigh cameras less",
     )
-    mount_translation_sigma: float = setting(0.001, unit="m", limits=(0.0, 0.1), reason="the same for its position")
+    mount_translation_sigma: float = setting(
+        0.001,
+        unit="m",
+        limits=(0.0, 0.1),
+        reason="standard deviation added to the position of every registered camera, for the same errors; raise it to "
+        "weigh cameras less",
+    )
 
 
 def evidence_floor(settings: EvidenceSettings) -> NDArray[np.float64]:

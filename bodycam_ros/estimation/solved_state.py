@@ -10,6 +10,7 @@ from bodycam_ros.estimation.attachments import ActiveAttachments
 from bodycam_ros.estimation.coordinates import Chart
 from bodycam_ros.estimation.estimator_settings import EstimatorSettings
 from bodycam_ros.estimation.factors.camera_poses import SegmentPoses
+from bodycam_ros.estimation.factors.joint_keypoints import JointKeypoints
 from bodycam_ros.estimation.factors.joint_rotations import JointRotations
 from bodycam_ros.estimation.factors.motion import Motion
 from bodycam_ros.estimation.factors.segment_steps import SegmentStep
@@ -30,11 +31,13 @@ class Measurements:
         cameras: poses of segments.
         expected: rotations of unobserved joints.
         closed: attachment that closes a loop now -> sigmas from which on it counts less.
+        keypoints: of joints, in images of static cameras.
     """
 
     cameras: SegmentPoses
     expected: JointRotations
     closed: Mapping[str, float] = field(default_factory=dict)
+    keypoints: JointKeypoints = field(default_factory=JointKeypoints.nothing)
 
 
 @dataclass(eq=False)

@@ -38,7 +38,7 @@ class SolverCounts:
         if self.contradictory:
             remarks.append(
                 f"{self.contradictory} frames at the start are not solved: their cameras contradict each other; "
-                "which of them are wrong is seen from the rejected cameras"
+                "the list of rejected cameras shows which ones are wrong"
             )
         if self.unconverged:
             remarks.append(

@@ -32,7 +32,7 @@ class StateFactors:
         return [*first, self.of(measured)]
 
     def of(self, measured: Measurements, closed: Mapping[str, float] | None = None) -> list[StateFactor]:
-        """Factors with a row at least: cameras, expected joints, slides, loops that are closed.
+        """Factors with a row at least: cameras, keypoints, expected joints, slides, loops that are closed.
 
         Args:
             measured: of the state.
@@ -40,5 +40,5 @@ class StateFactors:
         """
         expected = ExpectedJoints(self._tangent, measured.expected)
         loops = self._loops.closed(measured.closed if closed is None else closed)
-        factors: list[StateFactor] = [measured.cameras, expected, self._slides, loops]
+        factors: list[StateFactor] = [measured.cameras, measured.keypoints, expected, self._slides, loops]
         return [factor for factor in factors if factor.rows]

@@ -31,7 +31,7 @@ class Initial:
     sigmas: Array
 
     def factor(self, key: int, chart: Chart) -> gtsam.NonlinearFactor:
-        """It as gtsam's own prior."""
+        """The prior as gtsam's ``PriorFactorVector``."""
         noise = gtsam.noiseModel.Diagonal.Sigmas(self.sigmas)
         return gtsam.PriorFactorVector(key, chart.vector(self.at), noise)
 
@@ -113,7 +113,7 @@ class StateLink:
         return self._solved(window, chart, graph, measured, oldest)
 
     def restart(self, window: Window, chart: Chart, measured: list[StateFactor]) -> Array:
-        """As ``enter``, of an empty window, with the prediction in place of what it follows from."""
+        """Enter an empty window, as ``enter`` does, with the prediction in place of the state before."""
         graph = gtsam.NonlinearFactorGraph()
         graph.add(self.prediction.factor(state_key(self.number), chart))
         return self._solved(window, chart, graph, measured, self.number)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body_state import BodyFrame, BodyUncertainty, SegmentPose
+from bodycam_ros.estimation.factors.joint_keypoints import JointKeypoints
 from bodycam_ros.estimation.factors.joint_rotations import JointRotations
 from bodycam_ros.geometry import Array, exp_se3, inverse, log_se3
 
@@ -34,6 +35,7 @@ class StaticMeasurement:
         misplaced: cameras whose images do not show the body where the others have it.
         surface_variances: (S, 6) of errors in the segments' axes that last for a recording, rotation [rad^2] then
             translation [m^2]; empty for none.
+        keypoints: of joints in the images.
     """
 
     evidence: Mapping[str, list[SegmentPose]]
@@ -43,6 +45,7 @@ class StaticMeasurement:
     unsupported: frozenset[int] = frozenset()
     misplaced: frozenset[str] = frozenset()
     surface_variances: Array = field(default_factory=lambda: np.zeros(0))
+    keypoints: JointKeypoints = field(default_factory=JointKeypoints.nothing)
 
     @property
     def observed(self) -> set[str]:
@@ -215,4 +218,10 @@ class StaticEvidence:
                     replace(each, world_T_segment=each.world_T_segment @ step)
                     for each, step in zip(poses, steps, strict=True)
                 ]
-        return replace(measured, evidence=evidence)
+        keypoints = measured.keypoints
+        if len(keypoints):
+            late_s = np.array(
+                [1e-9 * (stamps_ns.get(each, frame.stamp_ns) - frame.stamp_ns) for each in keypoints.views]
+            )
+            keypoints = keypoints.late(measured.world_T_segment, velocities, late_s[keypoints.cameras])
+        return replace(measured, evidence=evidence, keypoints=keypoints)

@@ -147,7 +147,7 @@ class Agreement:
             )
         if abs(off) > _MAX_SCALE:
             doubts.append(f"the scale is {100.0 * off:+z.1f} %, expected {100.0 * _MAX_SCALE:.0f} % or less")
-        remedy = "is it of the same recording and person, and is each point the right one (--points)?"
+        remedy = "check that it is of the same recording and person, and that its points are right (--points)"
         return tuple(f"{self.name}: {doubt}; {remedy}" for doubt in doubts)
 
     @property
@@ -196,9 +196,9 @@ class Agreement:
         if clock.start_sigma_s == 0.0:
             when += ", by its stamps."
         else:
-            rate = "counts as ours"
+            rate = "has the rate of ours"
             if clock.rate != 1.0:
-                rate = f"counts seconds of {clock.rate:.5f} s (+-{clock.rate_sigma:.5f})"
+                rate = f"has seconds of {clock.rate:.5f} +- {clock.rate_sigma:.5f} s"
             when += f" (+-{1e3 * clock.start_sigma_s:.1f} ms), and their clock {rate}."
         scale = f"{self.scale:.4f} ({100.0 * (self.scale - 1.0):+z.2f} %)"
         if self.with_scale:
@@ -240,9 +240,9 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
     known: NDArray[np.bool_] = np.any(np.isfinite(theirs).all(axis=2), axis=1)
     if not known.any():
         raise RecordingError(
-            f"{captured.path}: has nothing from the time of {solved.path}: by this clock it goes from "
-            f"{clock.start_s:.3f} to {clock.start_s + clock.rate * captured.duration_s:.3f} s of it; without "
-            "--clock shared the offset is found"
+            f"{captured.path}: does not overlap with {solved.path}: by its stamps it lasts from "
+            f"{clock.start_s:.3f} to {clock.start_s + clock.rate * captured.duration_s:.3f} s of that recording. Leave "
+            "out --clock shared, and the offset is estimated"
         )
     body, theirs = body.at(known), theirs[known]
     (similar, scale, _), (rigid, *_) = (align_worlds(body, theirs, with_scale) for with_scale in (True, False))

@@ -80,8 +80,8 @@ class BodyPoints:
             return umeyama(ours[known], theirs[known], with_scale)
         except ValueError as error:
             raise RecordingError(
-                f"{self.captured.path} shares too little with this recording to be aligned: {', '.join(self.places)}, "
-                f"{len(self.seconds)} states; several joints, or one that goes more ways than straight on, are needed"
+                f"{self.captured.path} shares too little with this recording to be aligned: {', '.join(self.places)} "
+                f"in {len(self.seconds)} states; several joints are needed, or one that does not move along one line"
             ) from error
 
 
@@ -148,9 +148,9 @@ def find_motion_clock(body: BodyPoints) -> Clock:
     if clock is None or clock.chance > _MAX_CHANCE:
         how = "" if clock is None else f" better than by chance (probability {clock.chance:.0%})"
         raise RecordingError(
-            f"{body.captured.path}: at no offset in time it shows the motion of this recording{how} (of points "
-            f"{', '.join(used.places)}); is it another recording, or are names mistaken? --points POINTS.yaml maps "
-            "points to the body, --clock shared takes its stamps as they are"
+            f"{body.captured.path}: its motion fits this recording at no clock offset{how} (points: "
+            f"{', '.join(used.places)}). Check that it is of this recording, and correct the names of points with "
+            "--points POINTS.yaml; --clock shared uses its stamps unchanged"
         )
     if not has_centres:
         clock = _scan_clock(used.at(_thinned(used, _SCAN_FRAMES)), clock)
@@ -212,9 +212,9 @@ def rate_shared_clock(body: BodyPoints, start_ns: int) -> Clock:
     rated = rate_clock(clock, *_signals_of_both(used, has_centres))
     if rated.chance > _MAX_SHARED_CHANCE or rated.lead < _MIN_SHARED_LEAD:
         raise RecordingError(
-            f"{captured.path}: is not of the same motion by this clock: motions correlate by {rated.likeness:.2f}, and "
-            f"at {rated.chance:.0%} of other offsets in time they do better; is it of another recording? --clock "
-            "found searches for the offset"
+            f"{captured.path}: its stamps do not fit this recording: the correlation of the motions is "
+            f"{rated.likeness:.2f}, and at {rated.chance:.0%} of other clock offsets it is higher. Check that it is of "
+            "the same recording, or let --clock found estimate the offset"
         )
     return rated
 

@@ -30,33 +30,40 @@ _JOINTS: Columns = (
     ("moves", "freedom", ""), ("exercised [deg]", "exercised_rad", ".0f", _DEG), ("gap [mm]", "gap_m", ".1f", _MM),
     ("sigma [mm]", "sigma_m", ".1f", _MM),
 )  # fmt: skip
-_JOINTS_NOTE = (
-    "moves: a ball joint turns about all axes, a hinge about one; exercised: range of its motion about its own three "
-    "axes; gap: median distance between the joint on the segment above and on the one below; sigma: standard deviation "
-    "of its place forward, left, up"
-)
+_JOINTS_NOTE = {
+    "moves": "a ball joint turns about all axes, a hinge about one",
+    "exercised": "range of its motion about its own three axes",
+    "gap": "median distance between the joint on the segment above and on the one below",
+    "sigma": "one standard deviation of its place forward, left, up",
+}
 _BONES: Columns = (
     ("length [mm]", "length_m", ".1f", _MM), ("sigma [mm]", "sigma_m", ".1f", _MM),
     ("other side [mm]", "mirror_m", ".1f", _MM), ("difference [mm]", "asymmetry_m", "+.1f", _MM),
     ("expected [mm]", "expected_m", ".0f", _MM),
 )  # fmt: skip
-_BONES_NOTE = "difference: this side minus the other one; expected: mean of people of this stature (de Leva 1996)"
+_BONES_NOTE = {
+    "sigma": "one standard deviation of the length",
+    "difference": "this side minus the other one",
+    "expected": "mean of people of this stature (de Leva 1996)",
+}
 _CAMERAS: Columns = (
     ("registered", "registered", ".1%"), ("gap [mm]", "residual_m", ".1f", _MM),
     ("gap [deg]", "residual_rad", ".2f", _DEG), ("moved [mm]", "moved_m", ".1f", _MM),
     ("turned [deg]", "turned_rad", ".2f", _DEG), ("slipped at [s]", "slipped_s", ".1f"),
     ("read-out [ms]", "readout.seconds", ".2f", _MS), ("clock [ms]", "clock_s", "+.1f", _MS),
 )  # fmt: skip
-_CAMERAS_NOTE = (
-    "gap: median distance between the registered pose of the camera and its pose by the body; moved, turned: change of "
-    "its place on the segment that lasted; read-out: time from the first row to the last; clock: how far the clock of "
-    "the camera is ahead of the reference's (+) or behind it (-), which is corrected"
-)
+_CAMERAS_NOTE = {
+    "gap": "median distance between the registered pose of the camera and its pose by the body",
+    "moved": "lasting change of its place on the segment",
+    "turned": "lasting change of its direction on the segment",
+    "read-out": "time from the first row to the last",
+    "clock": "how far the clock of the camera is ahead of the reference's (+) or behind it (-), which is corrected",
+}
 
 
 def html_report(body: BodyModel, diagnosis: CalibrationDiagnosis) -> str:
     """The page as an HTML 5 document."""
-    caption = "The N-pose from the front; red: see the warnings."
+    caption = "The N-pose from the front" + ("; red: see the warnings." if diagnosis.warnings else ".")
     picture = Section(pictures=(Picture(body_png(body, diagnosis), caption),))
     warnings = Section("Warnings", warnings=diagnosis.warnings)
     lines = [summary_line(diagnosis), *([] if diagnosis.warnings else ["No warnings."])]
@@ -106,7 +113,7 @@ def _draw_n_pose(axes: Axes, body: BodyModel, diagnosis: CalibrationDiagnosis) -
     axes.set_ylim(points[:, 1].min() - 0.08, points[:, 1].max() + 0.08)
     axes.set_aspect("equal", adjustable="box")
     axes.axis("off")
-    panel_title(axes, "N-pose from the front", "its left is on the right; squares: cameras")
+    panel_title(axes, "N-pose from the front", "its left is on the right of the picture; squares: cameras")
 
 
 def _label_cameras(axes: Axes, cameras: dict[str, np.ndarray], warned: set[str], reach: float) -> None:

@@ -163,8 +163,8 @@ def compare(solved: SolvedRecording, truth: TrueMotion) -> Comparison:
         spans = [f"{1e-9 * s[0]:.3f} to {1e-9 * s[-1]:.3f} s" for s in (solved.stamps_ns, truth.stamps_ns)]
         raise RecordingError(
             f"{truth.path} is the truth of another recording: it spans {spans[1]}, {solved.path} spans {spans[0]}; "
-            f"where only the clocks differ, as of ingested files, give --truth {truth.path / 'segments'}, which "
-            "is placed by its motion"
+            f"if only the clocks differ, as after 'bodycam ingest', give --truth {truth.path / 'segments'}: its clock "
+            "offset is then estimated from the motion"
         )
     known = [s for s in sorted(truth.world_T_segment) if s in solved.body.segments]
     segments = tuple(s for s in known if s in truth.parents)

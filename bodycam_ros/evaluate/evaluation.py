@@ -15,10 +15,11 @@ from bodycam_ros.evaluate.agreement import (
     compare_with_captured,
     rate_same_motion,
 )
+from bodycam_ros.evaluate.angle_panels import cycle_figures, solved_cycles
 from bodycam_ros.evaluate.comparison import Comparison, compare, read_true_motion
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.figures import EvaluationFigures, SameMotion, VerdictFigures, spread
-from bodycam_ros.evaluate.gait import solved_gait
+from bodycam_ros.evaluate.gait import Stride, solved_gait, solved_strides
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
@@ -55,6 +56,7 @@ class Evaluation:
         agreement: with what another system captured, if that was given.
         gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
         made_from: what the recording was solved with.
+        strides: of the body, where it walks.
     """
 
     solved: SolvedRecording
@@ -67,6 +69,7 @@ class Evaluation:
     agreement: Agreement | None
     gyroscopes: Mapping[str, camera_figures.GyroscopeResiduals]
     made_from: Provenance
+    strides: tuple[Stride, ...] = ()
 
     @property
     def truth_name(self) -> str:
@@ -119,6 +122,7 @@ def evaluate(
     bags = (*([] if recording_path is None else [recording_path]), *imu_paths)
     sensors = {name: s for name, s in read_imus(bags, cameras).items() if len(s) >= MIN_SAMPLES}
     gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
+    strides = solved_strides(solved)
     figures = EvaluationFigures(
         duration_s=solved.duration_s,
         frame_s=1e-9 * solved.frame_ns,
@@ -139,11 +143,12 @@ def evaluate(
         truth=comparison.figures() if comparison else None,
         same_motion=SameMotion(same_motion.likeness, same_motion.chance) if same_motion else None,
         agreement=agreement.figures() if agreement else None,
-        gait=solved_gait(solved, comparison),
+        gait=solved_gait(solved, strides, comparison),
+        gait_cycle=cycle_figures(solved_cycles(solved, strides)) or None,
         made_from=made_from.sources or None,
     )
     curves = blind, position_sigma, jitter
-    return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from)
+    return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, strides)
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

@@ -247,7 +247,8 @@ class GaitMeasure(msgspec.Struct, frozen=True, omit_defaults=True):
     Attributes:
         left, right: means of each side.
         symmetry_percent: left less right over the mean of both (Robinson, Herzog and Nigg 1987), of measures that are
-            alike on both sides.
+            alike on both sides; None where a side has too few strides to say it.
+        symmetry_low_percent, symmetry_high_percent: its 95 % interval, by the spread of the strides (Welch 1947).
         true: mean of the truth, if there is one.
     """
 
@@ -256,6 +257,8 @@ class GaitMeasure(msgspec.Struct, frozen=True, omit_defaults=True):
     left: float
     right: float
     symmetry_percent: float | None = None
+    symmetry_low_percent: float | None = None
+    symmetry_high_percent: float | None = None
     true: float | None = None
 
 
@@ -275,6 +278,26 @@ class GaitFigures(msgspec.Struct, frozen=True):
     hip_range_deg: GaitMeasure
     knee_range_deg: GaitMeasure
     ankle_range_deg: GaitMeasure
+
+
+class CycleFigures(msgspec.Struct, frozen=True):
+    """The flexion of one joint over the gait cycle, the mean over strides.
+
+    Attributes:
+        strides: number of them.
+        peak_deg, peak_percent: most flexion, and where in the cycle.
+        trough_deg, trough_percent: least flexion, and where in the cycle.
+        sd_deg: standard deviation over the strides, the mean over the cycle; NaN of fewer than three.
+        mean_deg: at 0, 1, ... 100 % of the cycle.
+    """
+
+    strides: int
+    peak_deg: float
+    peak_percent: float
+    trough_deg: float
+    trough_percent: float
+    sd_deg: float
+    mean_deg: list[float]
 
 
 class SameMotion(msgspec.Struct, frozen=True):
@@ -324,6 +347,7 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
     same_motion: SameMotion | None = None
     agreement: AgreementFigures | None = None
     gait: GaitFigures | None = None
+    gait_cycle: dict[str, CycleFigures] | None = None
     made_from: dict[str, dict[str, str]] | None = None
 
 

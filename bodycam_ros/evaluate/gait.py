@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
+from scipy.stats import t
 
 from bodycam_ros.evaluate.anatomical_angles import planes_of
 from bodycam_ros.evaluate.comparison import Comparison
@@ -41,6 +42,12 @@ CRITERION = (
     f"long or longer and {_MIN_SPEED:g} m/s fast or faster, in which the foot rests and the other one meets the floor"
 )
 """Walking; without it there are no figures."""
+
+MIN_STRIDES_OF_SIDE = 3
+"""Least strides of each side; fewer say nothing about a difference of the sides."""
+
+_UPPER = 0.975  # quantile at the upper end of a 95 % interval
+_SYMMETRY = ("symmetry_percent", "symmetry_low_percent", "symmetry_high_percent")
 
 
 @dataclass(frozen=True)
@@ -211,13 +218,13 @@ def gait_figures(strides: Sequence[Stride], true: Sequence[Stride] = ()) -> Gait
     measures = {}
     for key, (_, is_symmetric) in MEASURES.items():
         left, right = (_statistic(each, key, np.mean) for each in sides.values())
-        symmetry = 200.0 * (left - right) / (left + right) if left + right else np.nan
+        symmetry = _symmetry(*(_known(each, key) for each in sides.values())) if is_symmetric else None
         measures[key] = GaitMeasure(
             mean=_statistic(strides, key, np.mean),
             sd=_statistic(strides, key, np.std),
             left=left,
             right=right,
-            symmetry_percent=symmetry if is_symmetric else None,
+            **({} if symmetry is None else dict(zip(_SYMMETRY, symmetry, strict=True))),
             true=_statistic(true, key, np.mean) if true else None,
         )
     return GaitFigures(strides={side: len(each) for side, each in sides.items()}, **measures)
@@ -225,14 +232,39 @@ def gait_figures(strides: Sequence[Stride], true: Sequence[Stride] = ()) -> Gait
 
 def _statistic(strides: Sequence[Stride], key: str, statistic: Callable[[Array], Any]) -> float:
     """Statistic of the strides that have the figure; NaN of none."""
-    values = np.array([stride.figures[key] for stride in strides])
-    known = values[np.isfinite(values)]
+    known = _known(strides, key)
     return float(statistic(known)) if known.size else np.nan
 
 
-def solved_gait(solved: SolvedRecording, comparison: Comparison | None) -> GaitFigures | None:
-    """Figures of the walking body as it was solved; None where no steps are found."""
-    strides = _strides_of(solved, solved.stamps_ns, {s: solved.world_T_link[s] for s in solved.body_segments})
+def _known(strides: Sequence[Stride], key: str) -> Array:
+    """Values (N,) of the strides that have the figure."""
+    values: Array = np.array([stride.figures[key] for stride in strides])
+    return np.asarray(values[np.isfinite(values)])
+
+
+def _symmetry(left: Array, right: Array) -> tuple[float, float, float] | None:
+    """Left less right over their mean [%], and its 95 % interval (Welch 1947); None of too few strides to say it."""
+    if min(left.size, right.size) < MIN_STRIDES_OF_SIDE or not left.mean() + right.mean():
+        return None
+    percent = 200.0 / float(left.mean() + right.mean())
+    difference = percent * float(left.mean() - right.mean())
+    sides = left, right
+    variances = np.array([side.var(ddof=1) / side.size for side in sides])
+    spread = float(sum(v**2 / (side.size - 1) for v, side in zip(variances, sides, strict=True)))
+    # scipy's ttest_ind warns of strides that are alike to rounding, as those of made motions are.
+    reach = percent * np.sqrt(variances.sum()) * t.ppf(_UPPER, variances.sum() ** 2 / spread) if spread else 0.0
+    return difference, difference - float(reach), difference + float(reach)
+
+
+def solved_strides(solved: SolvedRecording) -> tuple[Stride, ...]:
+    """Strides of the body as it was solved; empty where no steps are found."""
+    return _strides_of(solved, solved.stamps_ns, {s: solved.world_T_link[s] for s in solved.body_segments})
+
+
+def solved_gait(
+    solved: SolvedRecording, strides: Sequence[Stride], comparison: Comparison | None
+) -> GaitFigures | None:
+    """Figures of the strides of the solved body; None without any."""
     if not strides:
         return None
     if comparison is None:

@@ -11,15 +11,17 @@ from matplotlib.lines import Line2D
 
 from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body.surface_folder import surfaces_of
+from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour
 from bodycam_ros.errors import RecordingError, StaticCameraError
 from bodycam_ros.formats.static_cameras_file import check_static_cameras_frame, read_static_cameras
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
-from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture
+from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture, project_bone
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.picture_style import (
+    CENTRE,
     EQUIPMENT,
     LEFT,
     QUIET,
@@ -41,14 +43,14 @@ Item = TypeVar("Item")
 Key = Sequence[tuple[str, str]]
 """Meaning and colour of what is painted."""
 
-_CAMERAS = 6  # that are shown, evenly picked
+_CAMERAS = 6  # that are shown
 _COLOURS_S = 0.5  # of images before the one shown, which the colour models are updated by
 _PANEL_INCHES, _TITLE_INCHES, _KEY_INCHES = 5.0, 0.35, 0.4
 _SHARP_PX = 640  # a panel is magnified to at least as many pixels
 
 BODY_KEY: Key = (
     (f"landmark within {GOOD_PX:g} px of its track", GOOD), ("farther off", WARNING), ("left", LEFT), ("right", RIGHT),
-    ("equipment", EQUIPMENT),
+    ("trunk", CENTRE), ("equipment", EQUIPMENT),
 )  # fmt: skip
 STATIC_KEY: Key = (
     (f"force outward, {painting.ENLARGED:g} times enlarged", painting.OUTWARD), ("force inward", painting.INWARD),
@@ -84,8 +86,25 @@ def _pick_evenly(items: Sequence[Item]) -> list[Item]:
     return [items[row] for row in np.unique(rows)]
 
 
+def _pick_best(items: Sequence[Item], values: Sequence[float]) -> list[Item]:
+    """At most ``_CAMERAS`` items, of the largest values, in their order; evenly spread where all values are zero."""
+    if not any(values):
+        return _pick_evenly(items)
+    best = sorted(range(len(items)), key=lambda row: -values[row])[:_CAMERAS]
+    return [items[row] for row in sorted(best)]
+
+
+def _share_of_limbs(solved: SolvedRecording, model: CameraModel, world_T_camera: Array, at_ns: int) -> float:
+    """Share of the body's lines that lies in an image, of a camera at a pose (4, 4) [m]."""
+    bones = [bone for bone in solved.bones(solved.segments_near(at_ns)[None]) if not bone.is_equipment]
+    pixels = np.concatenate([np.zeros((0, 2)), *(project_bone(model, world_T_camera, bone.at(0)) for bone in bones)])
+    if not len(pixels):
+        return 0.0
+    return float(np.all((pixels >= 0.0) & (pixels < [model.width, model.height]), axis=1).mean())  # NaN is outside
+
+
 def body_camera_views(solved: SolvedRecording, recording: Path) -> Iterator[ImageView]:
-    """The views of some body cameras at one time in the middle of the recording.
+    """The views of the body cameras that see most of the limbs, at one time in the middle of the recording.
 
     Args:
         solved: the body.
@@ -100,7 +119,11 @@ def body_camera_views(solved: SolvedRecording, recording: Path) -> Iterator[Imag
         known = [(record, poses) for record, poses in solved.solved_cameras() if record.camera in footage.cameras]
         if known and not any(np.isin(record.stamps_ns, footage.times_ns(record.camera)).any() for record, _ in known):
             raise RecordingError(f"{recording}: is not what {solved.path} was solved from: it has none of its images")
-        for record, poses in _pick_evenly(known):
+        seen = [
+            _share_of_limbs(solved, footage.model(record.camera), pose_near(solved.stamps_ns, poses, at_ns), at_ns)
+            for record, poses in known
+        ]
+        for record, poses in _pick_best(known, seen):
             image = footage.image_at(record.camera, at_ns, solved.frame_ns // 2)
             if image is None or (matches := footage.matches_of(image)) is None:
                 continue

@@ -1,15 +1,18 @@
 """Writes an evaluation into a folder: figures, pictures and one page with all of them, or nothing."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
+from bodycam_ros.evaluate.angle_panels import draw_angles
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figures import SameMotion, figures_text
+from bodycam_ros.evaluate.gait_cycle import CONVENTION
 from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
-from bodycam_ros.evaluate.report_sections import report_sections
+from bodycam_ros.evaluate.report_sections import ANGLES, report_sections
 from bodycam_ros.evaluate.sections import Picture, Section, render_page
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors, draw_sensors
@@ -19,11 +22,28 @@ from bodycam_ros.files.whole_file import whole_files
 FIGURES, PAGE = "summary.json", "report.html"
 _CAPTIONS = {
     "summary.png": "The recording at a glance.",
-    "joints.png": "How far each joint is off over time.",
+    "angles.png": (
+        f"Angles of joints in the sagittal plane, left and right; {CONVENTION}. Where three strides or more were found "
+        "the angles are over the gait cycle, the mean and one standard deviation over the strides; else over time."
+    ),
+    "joints.png": "Error of each joint against the truth, over time.",
     "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
-    "overlay.png": "Images of body cameras, with limbs and landmarks where the solved body puts them.",
-    "outside.png": "Images of static cameras, with the contour of the solved body and the forces on it.",
+    "overlay.png": (
+        "Images of the body cameras that see most of the limbs; the solved body puts limbs and landmarks there."
+    ),
+    "outside.png": (
+        "Images of static cameras, with the contour of the solved body; lines show how far the colours of the image "
+        "pull it outward or inward."
+    ),
 }
+_SECTIONS = {
+    "angles.png": (ANGLES,),
+    "joints.png": ("joints against the truth, mean", "joint angles by anatomical plane", "error of each joint"),
+    "sensors.png": ("inertial sensors",),
+    "overlay.png": ("cameras", "images of body cameras"),
+    "outside.png": ("static cameras", "images of static cameras"),
+}
+"""Picture -> headings of tables that it explains; without any of them it has a section of the last of these."""
 
 
 def check_report_folder(folder: Path, inputs: Iterable[Path], force: bool) -> None:
@@ -56,7 +76,7 @@ def report_lines(evaluation: Evaluation) -> list[str]:
     """What is not in tables, in sentences."""
     figures = evaluation.figures
     lines = [
-        f"{figures.states} frames in {figures.duration_s:.2f} s, {figures.image_coverage:.1%} of the images "
+        f"{figures.states} states in {figures.duration_s:.2f} s, {figures.image_coverage:.1%} of the images "
         f"covered; {figures.instants_without_camera} frames without any camera"
     ]
     lines += evaluation.made_from.lines
@@ -70,13 +90,27 @@ def _describe_match(match: SameMotion, agreement: Agreement | None) -> str:
     """How sure it is that two motions are the same."""
     likeness, chance = match.correlation, match.by_chance
     if math.isnan(likeness):
-        return "too short to tell"
-    text = f"the two motions correlate by {likeness:.3f}"
+        return "the recording is too short to compare"
+    text = f"correlation {likeness:.3f}"
     if math.isnan(chance):
-        return f"{text}; too short to tell how probable that is by chance"
+        return f"{text}; the recording is too short for its probability by chance"
     if agreement is None or agreement.clock.start_sigma_s == 0.0:
-        return f"{text}; shifted in time, they correlate as well at {chance:.0%} of the offsets"
-    return f"{text}; unrelated motions do so with a probability of {max(chance, 1e-9):.2g}"
+        return f"{text}; it is as high at {chance:.0%} of other clock offsets"
+    return f"{text}; unrelated motions reach it with a probability of {max(chance, 1e-9):.2g}"
+
+
+def _with_pictures(sections: Sequence[Section], pictures: Mapping[str, Picture]) -> list[Section]:
+    """The sections, each with the pictures that belong to its table; others have sections of their own."""
+    placed = list(sections)
+    for name, picture in pictures.items():
+        headings = [section.heading for section in placed]
+        at = next((headings.index(heading) for heading in _SECTIONS[name] if heading in headings), None)
+        if at is not None:
+            placed[at] = replace(placed[at], pictures=[*placed[at].pictures, picture])
+        else:
+            own = Section(_SECTIONS[name][-1], pictures=[picture])
+            placed.insert(0 if name == "angles.png" else len(placed), own)
+    return placed
 
 
 def write_report(
@@ -100,6 +134,7 @@ def write_report(
     with whole_files(folder) as unfinished:
         (unfinished / FIGURES).write_text(figures_text(figures))
         draw_summary(evaluation, unfinished / "summary.png")
+        draw_angles(evaluation.solved, evaluation.strides, unfinished / "angles.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
         if evaluation.gyroscopes:
@@ -107,18 +142,17 @@ def write_report(
         for views, key, name in ((overlay, BODY_KEY, "overlay.png"), (outside, STATIC_KEY, "outside.png")):
             if views:
                 draw_views(views, key, unfinished / name)
-        pictures = [
-            Picture((unfinished / name).read_bytes(), caption)
+        pictures = {
+            name: Picture((unfinished / name).read_bytes(), caption)
             for name, caption in _CAPTIONS.items()
             if (unfinished / name).exists()
-        ]
+        }
         verdict = evaluation.verdict
         doubts = () if evaluation.agreement is None else evaluation.agreement.doubts
         warnings = [*(f"{f.level.word}: {f.text}" for f in verdict.findings), *(f"doubtful: {d}" for d in doubts)]
         sections = [
-            Section(warnings=warnings, pictures=pictures[:1]),
-            *report_sections(figures),
-            Section("pictures", pictures=pictures[1:]),
+            Section(warnings=warnings, pictures=[pictures.pop("summary.png")]),
+            *_with_pictures([*report_sections(figures)], pictures),
         ]
         lines = [f"Verdict: {verdict.text}.", *report_lines(evaluation)]
         page = render_page(evaluation.solved.path.resolve().name, lines, sections)

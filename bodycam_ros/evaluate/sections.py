@@ -80,7 +80,7 @@ def column_table(
     heading: str,
     columns: Columns,
     rows: Mapping[str, object],
-    note: str = "",
+    note: str | Mapping[str, str] = "",
     flagged: Set[str] = frozenset(),
 ) -> Section:
     """A table with a row of figures per name; a column without any figure is left out.
@@ -90,7 +90,8 @@ def column_table(
         heading: of the column with the names.
         columns: of the figures.
         rows: name -> figures, a mapping or an object with attributes; unknown ones are empty cells.
-        note: how to read it.
+        note: how to read it; or heading without its unit -> what it means, of which those of the columns that are
+            shown make the note.
         flagged: names of rows with a warning.
     """
     values = [[find_figure(row, column[1]) for row in rows.values()] for column in columns]
@@ -103,6 +104,9 @@ def column_table(
         text_columns=frozenset((0, *words)),
         flagged=frozenset(row for row, name in enumerate(rows) if name in flagged),
     )
+    if not isinstance(note, str):
+        headings = {column.split(" [")[0] for column in table.columns}
+        note = "; ".join(f"{name}: {meaning}" for name, meaning in note.items() if name in headings)
     return Section(title, (note,) if note else (), table=table)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullLocator
 
 from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
@@ -36,7 +37,7 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
                 axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=5))
                 axes.yaxis.set_major_formatter("{x:g}")
                 axes.yaxis.set_minor_locator(NullLocator())
-        labels = ("position\n[mm]", "rotation\n[°]")
+        labels = ("position\nerror [mm]", "rotation\nerror [°]")
         title = "Error against the truth"
         note = "of joints"
     else:
@@ -47,7 +48,7 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         note = "of the root; jitter of segments"
         for axes in panels:
             axes.set_ylim(bottom=0.0)
-    style.panel_title(panels[0], title, f"{note}: mean, and the worst")
+    style.panel_title(panels[0], title, note)
     half_s = 0.5e-9 * solved.frame_ns
     for axes, label in zip(panels, labels, strict=True):
         axes.set_ylabel(label)
@@ -57,6 +58,13 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         for start, end in evaluation.figures.gaps_s:
             axes.axvspan(start - half_s, end + half_s, color=style.WARNING, alpha=0.6, linewidth=0.0)
     panels[-1].set_xlabel("time [s]")
+    key: list[Line2D | Patch] = [Line2D([], [], color=style.INK, label="mean")]
+    key += [Patch(color=style.TRUTH, alpha=0.45, label="up to the worst")]
+    if evaluation.blind.any() or evaluation.figures.gaps_s:
+        key.append(Patch(color=style.WARNING, alpha=0.4, label="no camera registered, or not solved"))
+    panels[0].legend(
+        handles=key, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(key), borderaxespad=0.0, handlelength=1.6
+    )
 
 
 def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
@@ -89,7 +97,7 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
         assert (agreement := evaluation.agreement) is not None
         stamps_ns, turns = agreement.stamps_ns, agreement.angle_errors
         positions = {point.link: point.errors for point in reversed(agreement.joints)}
-    kinds_of_errors = (positions, 100.0, "position [cm]"), (turns, float(np.degrees(1.0)), "rotation [°]")
+    kinds_of_errors = (positions, 100.0, "position error [cm]"), (turns, float(np.degrees(1.0)), "rotation error [°]")
     rows = [(*kind, joints) for kind in kinds_of_errors if kind[0] for joints in _ROWS]
     height = _ROW_HEIGHT * len(rows) + 0.4
     with style.open_picture(path, _WIDTH, height) as figure:
@@ -148,7 +156,7 @@ def draw_sensors(residuals: Mapping[str, GyroscopeResiduals], path: Path) -> Non
             aspect="auto", interpolation="nearest",
         )  # fmt: skip
         style.name_rows(axes, [*residuals])
-        axes.set_xlabel("s")
+        axes.set_xlabel("time [s]")
         style.panel_title(axes, "Gyroscopes against the solved cameras", "difference of angular velocities, deg/s")
         bar = figure.colorbar(image, ax=axes, pad=0.02, ticks=[_LEAST, 1.0, 3.0, 10.0, _MOST])
         bar.ax.set_yticklabels(["0.3", "1", "3", "10", "30"])

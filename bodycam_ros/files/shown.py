@@ -4,6 +4,7 @@ import reprlib
 import string
 import unicodedata
 from collections.abc import Iterable
+from difflib import get_close_matches
 from typing import Any
 
 _HIDDEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
@@ -37,6 +38,14 @@ def few(names: Iterable[object], most: int = 3) -> str:
     """The first names, and the number of the others, short enough for one line."""
     listed = [str(name) for name in names]
     return ", ".join(listed[:most]) + (f" and {len(listed) - most} more" if len(listed) > most else "")
+
+
+def other_than(name: object, known: Iterable[str], most: int = 24) -> str:
+    """What follows on a name that is unknown: the one that was probably meant, else those that there are."""
+    names = list(known)
+    if alike := get_close_matches(str(name), names, n=1):
+        return f"did you mean {printable(alike[0])}?"
+    return f"there are {printable(few(names, most))}" if names else "there are none"
 
 
 def shortened(text: str, most: int = 3500) -> str:

@@ -59,7 +59,7 @@ def read_keypoints(path: Path, cameras: Iterable[str], most_frames: int) -> dict
     if not named and len(folders) == len(cameras):
         named = dict(zip(sorted(cameras), folders, strict=True))
         pairs = ", ".join(f"{folder.name} -> {name}" for name, folder in named.items())
-        logger.warning("%s: no folder has the name of a camera; taken in order: %s", path, pairs)
+        logger.warning("%s: no folder has the name of a camera; folders are assigned in order: %s", path, pairs)
     if len(named) < 2:
         raise BodyError(
             f"{path}: expected a folder of JSON files for two cameras or more, named as they are "

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from bodycam_ros.camera.model import OPTICAL_SUFFIX, optical_frame
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.files.shown import few, shown
+from bodycam_ros.files.shown import few, other_than, shown
 from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.formats.captured_motion import CapturedMotion
 
@@ -155,7 +155,9 @@ def _read_names(
     sites: dict[str, PointSite | None] = {}
     for name, value in document.items():
         if name not in captured.points:
-            raise RecordingError(f"{path}: {captured.path.name} has no {shown(name)}; it has {_some(captured.points)}")
+            raise RecordingError(
+                f"{path}: {captured.path.name} has no {shown(name)}; {other_than(name, captured.points)}"
+            )
         sites[str(name)] = None if value is None else _site(path, str(name), str(value), links, joints)
     return sites
 
@@ -168,6 +170,6 @@ def _site(path: Path, name: str, word: str, links: Collection[str], joints: Mapp
     if word in links:
         return PointSite(word, is_fitted=True)
     raise RecordingError(
-        f"{path}: {shown(name)}: the body has no segment, joint or camera {shown(word)}; it has {_some(joints)}, "
-        f"{_some(set(links) - set(joints.values()))}"
+        f"{path}: {shown(name)}: the body has no segment, joint or camera {shown(word)}; "
+        f"{other_than(word, (*joints, *sorted(set(links) - set(joints.values()))))}"
     )

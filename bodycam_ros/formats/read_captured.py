@@ -1,7 +1,7 @@
 """Readers of other systems' motions and joint points in all formats."""
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError, RecordingError
+from bodycam_ros.files.shown import few
 from bodycam_ros.formats.bvh import read_bvh
 from bodycam_ros.formats.c3d import read_c3d
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.csv import read_csv
 from bodycam_ros.formats.gltf_motion import read_gltf
-from bodycam_ros.formats.keypoints import JOINTS, is_keypoints, read_keypoints
+from bodycam_ros.formats.keypoints import JOINTS, Frame, is_keypoints, read_keypoints
 from bodycam_ros.formats.motive import is_motive, read_motive
 from bodycam_ros.formats.mvnx import read_mvnx
 from bodycam_ros.formats.qualisys_tsv import read_qualisys
@@ -24,9 +25,9 @@ from bodycam_ros.formats.storage import read_storage
 from bodycam_ros.formats.trc import read_trc
 from bodycam_ros.formats.tum import read_captured_tum
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras.start_file import PlacedBody, placed_body
+from bodycam_ros.static_cameras.start_file import AUTO, PlacedBody, placed_body
 from bodycam_ros.static_cameras.static_camera import StaticCamera
-from bodycam_ros.static_cameras.triangulated_joints import triangulate_person
+from bodycam_ros.static_cameras.triangulated_joints import triangulate_people
 
 logger = logging.getLogger(__name__)
 
@@ -96,42 +97,83 @@ def read_joint_points(path: Path) -> Mapping[str, Array] | None:
         raise BodyError(str(error)) from error
 
 
-def read_start(start: Path, file: Path, stations: Mapping[str, StaticCamera], body: BodyModel) -> PlacedBody:
+def read_start(
+    start: Path,
+    file: Path,
+    stations: Mapping[str, StaticCamera],
+    body: BodyModel,
+    person: int = 1,
+    people: Mapping[str, Sequence[Frame]] | None = None,
+) -> PlacedBody:
     """The body in the first image, by a start file in any format.
 
     Args:
-        start: poses of segments, points of joints, or a folder of the cameras' keypoints.
+        start: poses of segments, points of joints, a folder of the cameras' keypoints, or ``AUTO``.
         file: the stations' file, whose frame a start file of poses has.
         stations: of that file, in the world; one or more.
         body: segments and joints.
+        person: which of the people in the keypoints it is; 1 is the one on whom the most agree.
+        people: camera -> people in its first images, where the start is detected.
 
     Raises:
         BodyError: the start cannot be used.
         StaticCameraError: the stations cannot be read any more.
     """
-    if is_keypoints(start):
-        return place_world_points(start, _triangulated(start, stations), body)
+    if start == AUTO and people is None:
+        raise BodyError(
+            "--start auto looks at the first images of a recorded bag; live, or for images of your own, make a start "
+            "with 'bodycam view --place BAG --start auto'"
+        )
+    if start != AUTO and is_keypoints(start):
+        people = read_keypoints(start, stations, _START_FRAMES)
+    if people is not None:
+        return place_world_points(start, _triangulated(start, people, stations, person), body)
+    if person != 1:
+        raise BodyError(f"{start}: has one person; --person is for --start auto and for a folder of keypoints")
     if (points := read_joint_points(start)) is None:
         return placed_body(start, world_T_file(file, stations), body)
     return PlacedBody(place_points(start, points, body, stations.values()), np.zeros(len(body.segments), bool))
 
 
-def _triangulated(folder: Path, stations: Mapping[str, StaticCamera]) -> dict[str, Array]:
+def _triangulated(
+    start: Path, people: Mapping[str, Sequence[Frame]], stations: Mapping[str, StaticCamera], person: int
+) -> dict[str, Array]:
     """Joint -> its place (1, 3) in the world, by the keypoints of the first images.
 
+    All are taken of one image, the same for each person: in another one their order may differ.
+
     Raises:
-        BodyError: the keypoints cannot be used.
+        BodyError: there are fewer people.
     """
-    frames = read_keypoints(folder, stations, _START_FRAMES)
-    best = np.full((len(JOINTS), 3), np.nan)
-    counts: NDArray[np.int64] = np.zeros(len(JOINTS), np.int64)
-    for row in range(_START_FRAMES):
-        people = {camera: read[row] for camera, read in frames.items() if row < len(read)}
-        points, views = triangulate_person(stations, people)
-        if np.isfinite(points[:, 0]).sum() > np.isfinite(best[:, 0]).sum():
-            best, counts = points, views
-    found = np.flatnonzero(np.isfinite(best[:, 0]))
-    if not len(found):
-        raise BodyError(f"{folder}: no two cameras agree on five joints of one person in the first images")
-    logger.info("%s: %d of %d joints, by %g cameras each", folder, len(found), len(JOINTS), counts[found].mean())
-    return {JOINTS[row]: best[row : row + 1] for row in found.tolist()}
+    best: list[tuple[Array, NDArray[np.int64]]] = []
+    for row in range(max(map(len, people.values()), default=0)):
+        shown = {camera: frames[row] for camera, frames in people.items() if row < len(frames)}
+        found = triangulate_people(stations, shown)
+        if _known_joints(found) > _known_joints(best):
+            best = found
+    if not best:
+        nobody = [camera for camera, frames in people.items() if not any(map(len, frames))]
+        where = f" (nobody at all was found before {few(nobody, most=10)})" if nobody else ""
+        raise BodyError(
+            f"start {start}: no two cameras agree on five joints of one person in the first images{where}; check where "
+            "the cameras are, or place the person with 'bodycam view --place BAG'"
+        )
+    if person > len(best):
+        raise BodyError(
+            f"start {start}: cameras agree on {len(best)} people in the first images, and --person is {person}"
+        )
+    points, counts = best[person - 1]
+    known = np.flatnonzero(np.isfinite(points[:, 0]))
+    logger.info("%s: %d of %d joints, by %g cameras each", start, len(known), len(JOINTS), counts[known].mean())
+    if len(best) > 1:
+        logger.warning(
+            "start %s: cameras agree on %d people; person %d is followed, another one with --person",
+            start,
+            len(best),
+            person,
+        )
+    return {JOINTS[row]: points[row : row + 1] for row in known.tolist()}
+
+
+def _known_joints(people: Sequence[tuple[Array, NDArray[np.int64]]]) -> int:
+    return sum(int(np.isfinite(points[:, 0]).sum()) for points, _ in people)

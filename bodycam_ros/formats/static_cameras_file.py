@@ -135,8 +135,8 @@ def refuse_body_cameras(path: Path, stations: Iterable[str], body: BodyModel) ->
     """
     if body_cameras := sorted(set(stations) & set(body.mounts)):
         raise StaticCameraError(
-            f"{path}: says where {', '.join(body_cameras)} stands, but body {body.name} wears it; name static cameras "
-            "otherwise, or take it out of one of the two"
+            f"{path}: has {', '.join(body_cameras)} as static camera, but it is on body {body.name}; give the static "
+            "camera another name, or remove it from one of the two files"
         )
 
 

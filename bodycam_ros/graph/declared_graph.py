@@ -19,6 +19,7 @@ import msgspec
 
 from bodycam_ros.body.urdf_xml import xml_elements
 from bodycam_ros.errors import BodycamError, BodyError, SettingsError, StaticCameraError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.files.yaml_file import read_text, read_yaml
 from bodycam_ros.formats.other_calibration import is_other_calibration
 from bodycam_ros.graph.node_parameters import (
@@ -171,7 +172,7 @@ def graph(of: GraphArguments) -> list[GraphNode]:
             raise BodyError("a robot that follows needs both: urdf:=ROBOT.urdf mapping:=MAPPING.yaml")
         nodes.append(_node("retarget", "retarget", of))
     if unknown := [name for name in of.nodes if name not in _names(nodes)]:
-        raise SettingsError(f"nodes: the graph has no {', '.join(unknown)}; it has {', '.join(_names(nodes))}")
+        raise SettingsError(f"nodes: the graph has no {unknown[0]}; {other_than(unknown[0], _names(nodes))}")
     nodes = [node for node in nodes if not of.nodes or {node.executable, node.name} & {*of.nodes}]
     if of.bagfile:
         read: dict[str, Any] = {"cameras": [*body_cameras, *stations], "readers": READERS_OF_INFO}
@@ -225,7 +226,7 @@ def _body_cameras(of: GraphArguments, has_static_cameras: bool) -> list[str]:
     if of.equipment.endswith((".yaml", ".yml")):
         there += _cameras_in(of.equipment, "equipment file")
     if unknown := [camera for camera in of.cameras if camera not in there]:
-        raise BodyError(f"{of.body}: the body has no camera {', '.join(unknown)}; it has {', '.join(there) or 'none'}")
+        raise BodyError(f"{of.body}: the body has no camera {unknown[0]}; {other_than(unknown[0], there)}")
     if not of.map:
         if not has_static_cameras:
             raise StaticCameraError(

@@ -21,6 +21,7 @@ from bodycam_ros.diagnostics.dropped_messages import DroppedMessages, LostMessag
 from bodycam_ros.diagnostics.solver_diagnostics import SolverDiagnostics, equipment_status
 from bodycam_ros.errors import BodyError, StaticCameraError
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.graph.map_agreement import MapAgreement
 from bodycam_ros.graph.node_parameters import SolverParameters
@@ -247,8 +248,8 @@ class SolverSession:
         if not self.given.body_cameras:
             return ()
         if not cameras or not {*asked} <= {*cameras}:
-            unknown = ", ".join(camera for camera in asked if camera not in cameras)
-            raise BodyError(f"{path}: the body has no camera {unknown}; it has {', '.join(cameras) or 'none'}")
+            unknown = next((camera for camera in asked if camera not in cameras), "")
+            raise BodyError(f"{path}: the body has no camera {unknown}; {other_than(unknown, cameras)}")
         return tuple(dict.fromkeys(asked)) or cameras
 
     def _use_person(self, person: BodyModel) -> BodyModel:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_info import readout_time_from_yaml, scaled_camera
 from bodycam_ros.errors import BodycamError, LensError, RecordingError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.recording.camera_video import CameraVideo
@@ -121,7 +121,7 @@ def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, flo
         return camera_from_yaml(path, files.camera), readout_time_from_yaml(path), path
     stations = read_static_cameras(lenses)
     if files.camera not in stations:
-        raise LensError(f"{lenses}: has no camera {files.camera}; it has {', '.join(map(shown, stations))}")
+        raise LensError(f"{lenses}: has no camera {files.camera}; {other_than(files.camera, stations)}")
     return stations[files.camera].camera, None, lenses
 
 

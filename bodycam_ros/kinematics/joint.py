@@ -1,4 +1,4 @@
-"""A joint: where it sits on two segments, and what it lets them do as one 6-vector of sigmas (DESIGN 4.2).
+"""A joint: its place on two segments, and the motion that it permits, as six sigmas.
 
 A joint has a frame on each of its two segments. Ball, hinge, weld and free differ only in which of the six sigmas
 between those frames are loose, so the estimator needs no code of its own for any of them.
@@ -50,7 +50,7 @@ class Joint:
         type: "ball", "hinge", "weld" or "free".
         parent_T_joint: (4, 4) the joint's frame on the parent segment [m].
         child_T_joint: (4, 4) the joint's frame on the child segment [m]. The identity where the child's origin is
-            the joint to its parent, as DESIGN 3 wants it for every joint of the tree.
+            the joint to its parent, as for every joint of the tree (docs/joints.md).
         axis: (3,) unit vector in the joint's frame; of a hinge only.
         angle_axes: intrinsic order of the three joint angles of a ball; the middle one is the child's long axis.
         sigmas: (6) rotation [rad], then translation [m], in the joint's frame; a hinge's rotations are about its

@@ -28,7 +28,7 @@ from bodycam_ros.kinematics.tree_kernels import tree_poses
 class KinematicTree:
     """Segments and joints.
 
-    Frames of segments (DESIGN 3): the origin is the joint to the parent, x forward, y left, z up in the N-pose.
+    Frames of segments (docs/joints.md): the origin is the joint to the parent, x forward, y left, z up in the N-pose.
 
     Attributes:
         name: of the body or machine.

@@ -94,7 +94,7 @@ class LensMatch:
 
     @property
     def text(self) -> str:
-        """In a sentence, what contradicts it, and what to do."""
+        """A sentence: what contradicts the lens, and what to do."""
         mode = next(mode for limit, mode in _MODES if self.scale <= limit)
         return (
             f"camera {self.camera}: images do not fit its calibration (camera_info): points are "

@@ -182,9 +182,9 @@ def objections(lens: ValidatedLens) -> list[str]:
     found = []
     if lens.median_px > _MAX_ERROR_PX:
         found.append(
-            f"pictures that were left out are off by {lens.median_px:.2f} px (median), more than "
-            f"{_MAX_ERROR_PX:g} px: no lens of this --model makes these pictures of this board; try another --model, "
-            "check that the board is flat and its file right, and hold it still"
+            f"the error in the test pictures is {lens.median_px:.2f} px (median), more than {_MAX_ERROR_PX:g} px: no "
+            "lens of this --model fits these pictures; try another --model, check that the board is flat and its file "
+            "right, and hold the board still"
         )
     if not lens.worst_ray_px <= _REFUSED_RAY_PX:
         found.append(
@@ -217,8 +217,8 @@ def warnings(lens: ValidatedLens, area: BoardCoverage, must_be_whole: bool) -> l
     if area.reach < (_MIN_REACH_WHOLE if must_be_whole else _MIN_REACH):
         how = "whole, as near to the corners as it goes" if must_be_whole else "close by, cut off by the border"
         found.append(
-            f"the board was seen out to {area.reach:.0%} of the image radius, and beyond that the lens is a guess; "
-            f"bring it out to the corners, {how}"
+            f"the board was seen only out to {area.reach:.0%} of the image radius, and the lens is unknown beyond it; "
+            f"show the board in the corners, {how}"
         )
     if area.tilts < _MIN_TILTS:
         found.append(
@@ -233,8 +233,8 @@ def warnings(lens: ValidatedLens, area: BoardCoverage, must_be_whole: bool) -> l
     if lens.corner_px > max(_MAX_CORNER_ERROR_PX, lens.worst_ray_px):
         found.append(
             "rays in the corners, where no board was seen, are uncertain "
-            f"({_pixels(lens.corner_px)}, more than {_MAX_CORNER_ERROR_PX:g} px); film the board there, or use nothing "
-            "of the corners"
+            f"({_pixels(lens.corner_px)}, more than {_MAX_CORNER_ERROR_PX:g} px); film the board there, or do not use "
+            "the corners"
         )
     return found
 

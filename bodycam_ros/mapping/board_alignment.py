@@ -133,8 +133,8 @@ def align_to_board(
     shown = np.isfinite(_residuals(views, scale, R, t, inset_px, where_unseen=np.inf)).all(axis=2)
     if np.mean(shown) < _LEAST_SHOWN:
         raise MapError(
-            f"board: where it fits best, {np.mean(shown):.0%} of its corners could be in the photographs that "
-            f"show them. Is board.yaml of this board, with these tags? {wrong_camera(*distinct(taken_by)[0])}"
+            f"board: at its best pose only {np.mean(shown):.0%} of its corners are in view of the photographs in which "
+            f"they were detected. Check that board.yaml is of this board. {wrong_camera(*distinct(taken_by)[0])}"
         )
     if misfit_mrad > _MAX_MISFIT_MRAD and residual.median_px > _FINE_MISFIT_PX:
         raise MapError(

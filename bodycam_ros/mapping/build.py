@@ -222,7 +222,7 @@ def _features(
             f"are needed; the first that cannot: {skipped[0]}"
         )
     if skipped:
-        _LOG.warning("%d of %d photographs are skipped: %s", len(skipped), len(photographs.paths), few(skipped))
+        _LOG.warning("%d of %d photographs are not used: %s", len(skipped), len(photographs.paths), few(skipped))
     return features, tags
 
 

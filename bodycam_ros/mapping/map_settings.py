@@ -49,5 +49,7 @@ class ExtensionSettings:
         reason="most added landmarks at a time; those unobserved for longest are removed first. More costs memory",
     )
     rounds: int = setting(
-        5, limits=(1, 20), reason="most rounds, as in A section 4.1; extension stops where a round registers no more"
+        5,
+        limits=(1, 20),
+        reason="most rounds over a recording; extension stops after a round that registers no more images",
     )

@@ -11,6 +11,7 @@ from bodycam_ros.camera import CameraModel, camera_from_yaml
 from bodycam_ros.camera.camera_image import CameraImage, decode_colour, decode_grey
 from bodycam_ros.camera.camera_info import readout_time_from_yaml
 from bodycam_ros.errors import LensError, MapError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.video_file import DecodedFrame
@@ -106,7 +107,7 @@ def open_body_cameras(
     """
     with open_recording(bag) as recording:
         if absent := sorted({*(cameras or ()), *required} - set(recording.cameras)):
-            raise MapError(f"{bag}: has no camera {', '.join(absent)}; there are {', '.join(recording.cameras)}")
+            raise MapError(f"{bag}: has no camera {absent[0]}; {other_than(absent[0], recording.cameras)}")
         chosen = [camera for camera in recording.cameras if cameras is None or camera in cameras]
         return {camera: _bag_camera(recording, camera) for camera in chosen}
 

@@ -11,7 +11,7 @@ from bodycam_ros.camera.camera_image import ENCODINGS, CameraImage, FilePicture,
 from bodycam_ros.camera.camera_info import part_of_image
 from bodycam_ros.camera.model import optical_frame
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.messages.factory import Message, MessageFactory, header_message, numbers, stamp_ns
 
 _GREY = ("mono8", "8UC1")
@@ -63,7 +63,7 @@ def raw_image(message: Message, camera: str) -> CameraImage:
     name = str(message.encoding)
     if name not in ENCODINGS:
         raise RecordingError(
-            f"camera {camera}: the image encoding {shown(name)} is not supported; known are {', '.join(ENCODINGS)}"
+            f"camera {camera}: the image encoding {shown(name)} is not supported; {other_than(name, ENCODINGS)}"
         )
     encoding = ENCODINGS[name]
     height, width, step = int(message.height), int(message.width), int(message.step)

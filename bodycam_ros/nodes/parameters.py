@@ -167,7 +167,7 @@ def reliable(depth: int) -> QoSProfile:
 
 
 def best_effort(depth: int) -> QoSProfile:
-    """What every driver's publisher fits."""
+    """Quality of service that matches every driver's publisher: best effort."""
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.files.shown import few
+from bodycam_ros.files.shown import few, other_than
 from bodycam_ros.graph.node_parameters import PlayerParameters
 from bodycam_ros.messages.diagnostics import Status, StatusLevel
 from bodycam_ros.messages.factory import Message, time_message
@@ -144,7 +144,7 @@ class Player(Node):
         if not asked:
             return topics
         if not {*asked} & {*cameras}:
-            raise RecordingError(f"{self._path}: has no images of {', '.join(asked)}; it has {', '.join(cameras)}")
+            raise RecordingError(f"{self._path}: has no images of {asked[0]}; {other_than(asked[0], cameras)}")
         if lacking := [camera for camera in asked if camera not in cameras]:
             self.get_logger().warning(f"{self._path} has no images of {', '.join(lacking)}")
         return {topic: kind for topic, kind in topics.items() if _camera_of(topic) in asked}

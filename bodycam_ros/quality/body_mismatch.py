@@ -38,7 +38,7 @@ def body_finding(found: Contradiction, cameras: Sequence[str]) -> Finding | None
         Level.WRONG,
         f"this is not the body of this recording: {len(off)} of {len(cameras)} cameras contradict it by {low:.0f} to "
         f"{high:.0f} mm all the time",
-        f"the body of somebody else or of another day, or cameras strapped on anew{size}",
+        f"the body is of another person or day, or the cameras were strapped on again{size}",
         "make a body from a range of motion of this person, with the cameras as they are",
         part="recording",
         check="body",

@@ -77,8 +77,8 @@ def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Caus
     if (lens := lens_cause(poses.lens_errors.get(camera))) is not None:
         return lens
     if place:
-        remedy = "check which camera records under which name"
-        return Cause("place", f"its pictures come from where {place} sits", remedy, True)
+        remedy = "check the names of the cameras in the topics and in the body file"
+        return Cause("place", f"its images come from the place of camera {place}", remedy, True)
     if (clock := clock_cause(poses, camera)) is not None:
         return clock
     seconds, offsets, _ = _joint_offsets(poses, camera)
@@ -90,14 +90,14 @@ def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Caus
     if poses.counts[camera].share > WELL_REGISTERED and far_m < _MAX_STRAP_M and spread_m < _STEADY * far_m:
         return Cause(
             "mount",
-            f"it sits {1e3 * far_m:.0f} mm from where the body has it, all the time: strapped anew, or the body of "
-            "another day or person",
-            "record a range of motion with the cameras as they are now",
+            f"it is {1e3 * far_m:.0f} mm from its place in the body file all the time: it was strapped on again, or "
+            "the body file is of another day or person",
+            "record a range of motion with the cameras as they are now, and make a new body",
         )
     return Cause(
         "images",
-        "its lens is not what camera_info says, or its pictures show something else than the map",
-        "check its camera_info, and what it saw with 'bodycam view'",
+        "its images do not fit its calibration (camera_info), or they show what is not in the map",
+        "check its camera_info; look at its images with 'bodycam view'",
     )
 
 
@@ -105,8 +105,8 @@ def lens_cause(lens: LensDeviation | None) -> Cause | None:
     """A lens that deviates from its model; None where it does not, or is unknown."""
     if lens is None or (abs(lens.scale) <= _LENS_SCALE and lens.centre <= _LENS_CENTRE):
         return None
-    why = f"its lens is not what camera_info says: {lens.text}"
-    return Cause("lens", why, "check its camera_info, or calibrate it anew")
+    why = f"its images do not fit its calibration (camera_info): {lens.text}"
+    return Cause("lens", why, "check its camera_info, or measure its lens again (bodycam lens)")
 
 
 def clock_cause(poses: CameraPoses, camera: str) -> Cause | None:
@@ -122,8 +122,7 @@ def clock_cause(poses: CameraPoses, camera: str) -> Cause | None:
     is_better = np.linalg.norm(offsets - error_s * velocities) < _LEFT_BY_CLOCK * np.linalg.norm(offsets)
     if explained < _CLOCK_EXPLAINS or abs(error_s) <= _CLOCK_ERROR_S or not is_better:
         return None
-    side = "ahead" if error_s > 0.0 else "behind"
-    return Cause("clock", f"its clock is {1e3 * abs(error_s):.0f} ms {side}", "check how its images are stamped")
+    return Cause("clock", f"its clock offset is {1e3 * error_s:+z.0f} ms", "check how its images are stamped")
 
 
 def _joint_offsets(poses: CameraPoses, camera: str) -> tuple[Array, Array, Array]:

@@ -150,10 +150,10 @@ def is_judged_by(findings: Sequence[Finding], check: str) -> bool:
 def skipped_checks(given: DoctorInput, findings: Sequence[Finding]) -> Iterator[str]:
     """Checks that were not made, and the input that they need."""
     if given.map is None:
-        yield "share of images that register: give --map"
+        yield "share of registered images (needs --map)"
     if given.rig is None and given.body is None:
-        yield "cameras that are missing: give --rig (a range of motion) or --body"
+        yield "missing cameras (needs --rig for a range of motion, else --body)"
     if given.rig is not None and not given.is_bag:
         yield "exercise of joints: videos have no common time yet, run 'bodycam ingest' first"
     elif given.rig is not None and given.map is not None and not is_judged_by(findings, "exercise"):
-        yield "N-pose and exercise of joints: 'bodycam body' judges them by all images of the videos"
+        yield "N-pose and exercise of joints; 'bodycam body' checks them with all images of the videos"

@@ -13,7 +13,7 @@ _ALONE = 0.5  # share of the states; equipment without an active attachment for 
 _OFTEN = 0.25  # share of the states; an attachment that is released for longer may be somewhere else
 _APART_M, _APART_SIGMAS = 0.1, 5.0  # no loose grip is farther; nor, while active, as many sigmas of its file
 _OFF_PRIORS = 3.0  # sigmas of the file that a length may be off
-_IS_IT_THIS = "is it the equipment of this recording, and are its points right?"
+_IS_IT_THIS = "check that it is the equipment of this recording, and that its points are right"
 
 _Fault = tuple[str, str]
 """Observation and remedy."""
@@ -31,9 +31,9 @@ def equipment_findings(record: EquipmentRecord | None, equipment: Equipment | No
     if record is None:
         return ()
     if not record.placed.any():
-        faults = [("where it is was never known, so nothing was coupled to it", _IS_IT_THIS)]
+        faults = [("its pose was never known, so the body was not coupled to it", _IS_IT_THIS)]
     elif (alone := 1.0 - float(record.held[record.placed].any(axis=1).mean())) > _ALONE:
-        faults = [(f"nothing held it for {alone:.0%} of the time", _IS_IT_THIS)]
+        faults = [(f"no attachment was active for {alone:.0%} of the time", _IS_IT_THIS)]
     else:
         known = {} if equipment is None else {each.name: each for each in equipment.attachments}
         faults = [
@@ -59,12 +59,12 @@ def _attachment_fault(record: EquipmentRecord, column: int, attachment: Attachme
     if attachment is not None and is_used:
         far_m = min(far_m, _APART_SIGMAS * float(attachment.sigmas.mean()))
     if apart_m > far_m:
-        effect = "it pulled at the body all the same" if is_used else "it was not used"
+        effect = "it was active and distorts the body" if is_used else "it was not used"
         what = f"attachment {name} is {apart_m:.2g} m from the body where the file has it"
-        return what, f"{effect}; check its points, and when it holds"
+        return what, f"{effect}; check its points, and the times at which it is active"
     if attachment is not None and attachment.intervals is None and is_used and 1.0 - share > _OFTEN:
-        what = f"attachment {name} was let go for {1.0 - share:.0%} of the time"
-        return what, "if the body held it, check its points and weights; else say in its file when it holds"
+        what = f"attachment {name} was released for {1.0 - share:.0%} of the time"
+        return what, "if it was attached, check its points and weights; if not, give the times in its file (holds)"
     return None
 
 
@@ -76,7 +76,7 @@ def _far_lengths(record: EquipmentRecord, equipment: Equipment) -> Iterator[_Fau
         off = abs(value - given[name]) / prior
         if off > _OFF_PRIORS:
             yield (
-                f"length {name} came out as {1e3 * value:.0f} mm, {off:.1f} times as far from the file's "
-                f"{1e3 * given[name]:.0f} mm as that says it may be",
-                "measure it, or check what hangs on it",
+                f"length {name} is estimated as {1e3 * value:.0f} mm; the equipment file has "
+                f"{1e3 * given[name]:.0f} mm, {off:.1f} of its standard deviations away",
+                "measure this length; check the points of the attachments on this part",
             )

@@ -72,8 +72,8 @@ def _unregistered_finding(poses: CameraPoses, camera: str, is_everybody: bool) -
     if is_everybody:
         why, remedy = "this is the map of another place, or the place has changed", "build a map of this place"
         return Finding(camera, Level.WRONG, what, why, remedy, check="registered", cause="map")
-    why = "it was covered, dark or blurred, or its lens is not what camera_info says"
-    remedy = "look at its pictures; its segment follows from the others"
+    why = "it was covered, dark or blurred, or its images do not fit its calibration (camera_info)"
+    remedy = "look at its images; its segment is solved from the other cameras"
     return Finding(camera, Level.DOUBTFUL, what, why, remedy, check="registered")
 
 
@@ -87,9 +87,12 @@ def _shares_no_time(poses: CameraPoses, camera: str) -> bool:
 def _no_common_time_finding(poses: CameraPoses, camera: str, others: Sequence[str]) -> Finding:
     starts = [poses.counts[other].first_ns for other in others]
     later_s = 1e-9 * (poses.counts[camera].first_ns - float(np.median(starts))) if starts else 0.0
-    why = f"its clock is far off: it begins {abs(later_s):.1f} s {'after' if later_s > 0.0 else 'before'} them"
+    why = (
+        f"its clock is wrong: its images begin {abs(later_s):.1f} s {'after' if later_s > 0.0 else 'before'} the others"
+    )
     what = "shares no time with the other cameras"
-    return Finding(camera, Level.WRONG, what, why, "set the cameras' clocks to one time", check="clock", cause="clock")
+    remedy = "set the clocks of all cameras to the same time"
+    return Finding(camera, Level.WRONG, what, why, remedy, check="clock", cause="clock")
 
 
 def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str, cause: Cause) -> Finding:
@@ -131,16 +134,18 @@ def _other_findings(found: Contradiction, cameras: Sequence[str]) -> Iterator[Fi
         if camera in core and (cause := lens_cause(poses.lens_errors.get(camera))) is not None:
             yield doubt("its landmarks do not fit its lens", cause.why, cause.remedy, check="lens", cause=cause.kind)
         elif camera in core and (cause := clock_cause(poses, camera)) is not None:
-            yield doubt("its poses fit at other times", cause.why, cause.remedy, check="clock", cause=cause.kind)
+            yield doubt(
+                "its poses fit the body only at other times", cause.why, cause.remedy, check="clock", cause=cause.kind
+            )
         if all_s - end_s > _EARLY_END_S:
             what = f"registered for the last time at {end_s:.1f} s of {all_s:.1f} s"
-            remedy = "its segment follows from the others after that"
+            remedy = "after that its segment is solved from the other cameras"
             yield doubt(what, "it stopped, or was covered", remedy, check="end")
         is_shared = any(other != camera and mounts[other].segment == segment for other in cameras)
         if not is_shared and count.blind_ns > 1e9 * _BLIND_S and count.blind_until_ns > from_ns:
             what = f"not registered from {until_s - 1e-9 * count.blind_ns:.1f} s to {until_s:.1f} s"
             why = "it was covered or dark, or saw what the map does not show"
-            remedy = f"{segment} is a guess in that time, by the poses that it was seen in"
+            remedy = f"in that time the pose of {segment} is a guess, from its poses before and after"
             yield doubt(what, why, remedy, check="blind")
 
 
@@ -154,7 +159,10 @@ def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str
         if gap_m > (_WRONG_GAP_M if camera in subjects else DOUBTFUL_GAP_M):
             level = Level.WRONG if gap_m > _WRONG_GAP_M else Level.DOUBTFUL
             what = f"the solved body is {1e3 * gap_m:.0f} mm from its registration"
-            why, remedy = "the body does not bend as this one did", "check the body's joints"
+            why, remedy = (
+                "the joints of the body file are not those of this person",
+                "check the joints of the body file",
+            )
             yield Finding(camera, level, what, why, remedy, check="joints")
 
 

@@ -46,7 +46,7 @@ def check_board(recording: SampledRecording, board: Board, has_map: bool) -> Ite
         yield good("board", f"not seen in {examined} images; the map has its scale already")
     else:
         what = f"not seen in {examined} images"
-        remedy = "let it lie where cameras see it from 1 to 2 m, or map the place by photographs that show it"
+        remedy = "put it where cameras see it from 1 to 2 m, or make a map from photographs that show it"
         yield Finding("", Level.DOUBTFUL, what, remedy=remedy, part="recording", check="board")
 
 
@@ -59,20 +59,20 @@ def check_registration(registered: RegisteredSamples) -> Iterator[Finding]:
     shares = {camera: registered.share(camera) for camera in registered.poses}
     shares = {camera: share for camera, share in shares.items() if np.isfinite(share)}
     if not any(shares.values()):
-        what, remedy = "no image could be registered", "mend lenses and images first"
+        what, remedy = "no image could be registered", "first correct the findings on lenses and images"
         if shares:
             what = "no camera is registered in the map"
-            remedy = "is it the map of this place? are the lenses right? photograph more (coverage.png in the map)"
+            remedy = "check that map and lenses are right; if so, photograph more (see coverage.png in the map)"
         yield Finding("", Level.WRONG, what, remedy=remedy, part="recording", check=check)
         return
     for camera, share in sorted(shares.items()):
         if level := limit_level(share, _REGISTERED, _HARDLY_REGISTERED):
             what = f"is registered in {share:.0%} of {len(registered.poses[camera])} images"
-            remedy = "photograph what it sees and map that too ('bodycam map extend' takes this recording)"
+            remedy = "photograph what it sees and build the map again, or use 'bodycam map extend' on this recording"
             yield Finding(camera, level, what, remedy=remedy, check=check)
     images = sum(len(poses) for poses in registered.poses.values())
     mean = np.mean(list(shares.values()))
-    yield good(check, f"{mean:.0%} of {images} single images are registered; in a sequence more will be")
+    yield good(check, f"{mean:.0%} of {images} single images are registered; 'bodycam replay' will register more")
 
 
 def check_field_of_view(
@@ -116,7 +116,7 @@ def check_rest(registered: RegisteredSamples, body_cameras: Collection[str]) -> 
         if turn > MAX_TURN_RAD or shift > MAX_SHIFT_M:
             moving += 1
     # It may be held at any time, between the samples as well.
-    where = "'bodycam body' searches all of the recording for it" if moving else "the recording may begin with it"
+    where = "'bodycam body' searches the recording for the N-pose" if moving else "this may be the N-pose"
     yield good(check, f"{len(compared) - moving} of {len(compared)} cameras stand still at the start; {where}")
 
 
@@ -135,20 +135,20 @@ def check_exercise(registered: RegisteredSamples, rig: Rig) -> Iterator[Finding]
         named = SegmentName(segment)
         turns = _relative_rotations(registered, rig, parent, segment)
         if len(turns) < _MIN_EXERCISE_INSTANTS:
-            what = f"cameras on both sides are registered together in {len(turns)} of the sampled images"
-            remedy = "its range cannot be computed"
+            what = f"the cameras next to it are registered together in only {len(turns)} of the sampled images"
+            remedy = "its exercise cannot be checked; record where both cameras see the mapped place"
             yield Finding(named.joint, Level.DOUBTFUL, what, remedy=remedy, part="joint", check=check)
             continue
         judged += 1
         far, second = _ranges_deg(turns)
-        what = f"turned by {far:.0f} deg, about a second axis by {second:.0f}, at {len(turns)} times"
+        what = f"turned by {far:.0f} deg, and by {second:.0f} deg about a second axis, in {len(turns)} images"
         level = limit_level(far, _EXERCISE_DEG, _HARDLY_EXERCISED_DEG)
         if not level and second < _SECOND_AXIS_DEG and not named.straight_in_rest:
             level = Level.DOUBTFUL
         if level:
             yield Finding(named.joint, level, what, remedy=named.exercise, part="joint", check=check)
     if judged:
-        yield good(check, f"{judged} joints judged by the sampled images; between them more may have turned")
+        yield good(check, f"{judged} joints were checked in the sampled images; more may have turned between these")
 
 
 def _relative_rotations(registered: RegisteredSamples, rig: Rig, parent: str, segment: str) -> Array:

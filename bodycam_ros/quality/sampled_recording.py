@@ -59,7 +59,7 @@ class SampledCamera:
 
     @property
     def interval_s(self) -> float:
-        """Between two images, median [s]; NaN where there are no two."""
+        """Median time between two images [s]; NaN with fewer than two images."""
         steps = np.diff(np.sort(self.stamps_s))
         steps = steps[steps > 0.0]
         return float(np.median(steps)) if len(steps) else float("nan")

@@ -98,12 +98,12 @@ def _saturated(readings: Array) -> int:
 SENSOR_CHECKS: tuple[LimitCheck[SensorQuality], ...] = (
     # Nothing on a body turns faster; 35 rad/s is the range of usual gyroscopes.
     LimitCheck(
-        _CHECK, lambda q: q.fastest, 60.0, 60.0, "its gyroscope turns by {:.0f} rad/s", "in deg/s? REP-145 has rad/s"
+        _CHECK, lambda q: q.fastest, 60.0, 60.0, "its gyroscope turns by {:.0f} rad/s", "its unit must be rad/s"
     ),
     # Arms in swing read a third more than gravity; readings in g are off by 0.9.
     LimitCheck(
         _CHECK, lambda q: abs(q.gravity / GRAVITY - 1.0), 0.5, 0.85, "its accelerometer reads {1.gravity:.1f} m/s^2",
-        "in g? REP-145 has m/s^2, gravity is 9.8; or what are its range and its scale?",
+        "check its unit (REP-145 needs m/s^2, gravity is 9.8), its range and its scale",
     ),
     LimitCheck(
         _CHECK, lambda q: q.frozen, _FROZEN, _FROZEN, "{:.0%} of its samples repeat the one before",
@@ -114,17 +114,19 @@ SENSOR_CHECKS: tuple[LimitCheck[SensorQuality], ...] = (
         "{:.0f} samples are at the end of its range", "set a larger range, if it has one",
     ),
     # Below 90 Hz a stride is not integrated to a centimetre.
-    LimitCheck(_CHECK, lambda q: q.rate_hz, 90.0, 0.0, "{:.0f} samples a second", "set it to 200 or more"),
+    LimitCheck(_CHECK, lambda q: q.rate_hz, 90.0, 0.0, "{:.0f} samples a second", "set its rate to 200 Hz or more"),
     # A gyroscope is integrated over 0.03 s, or some samples; in 0.2 s a limb turns by a radian.
     LimitCheck(
         _CHECK, lambda q: q.longest_gap_s if q.longest_gap_s > 2.5 / q.rate_hz else 0.0, 0.03, 0.2,
-        "{0:.2f} s without a sample, {1.gap_at_s:.1f} s after its first", "its limb goes on by images alone there",
+        "{0:.2f} s without a sample, {1.gap_at_s:.1f} s after its first", "only images measure its limb in that time",
     ),
     LimitCheck(
         _CHECK, lambda q: max(q.gyro_noise / _USUAL_GYRO, q.accelerometer_noise / _USUAL_ACCELEROMETER), 10.0, np.inf,
-        "its noise is {:.0f} times that of consumer sensors", "is it loose on the camera, or a fan beside it?",
+        "its noise is {:.0f} times that of consumer sensors", "check that it is not loose, and that no fan is near",
     ),
-    LimitCheck(_CHECK, lambda q: np.degrees(q.bias), 5.0, np.inf, "turns by {:.1f} deg/s at rest", "let it warm up"),
+    LimitCheck(
+        _CHECK, lambda q: np.degrees(q.bias), 5.0, np.inf, "its gyroscope reads {:.1f} deg/s at rest", "let it warm up"
+    ),
 )  # fmt: skip
 """Numbers of an inertial sensor, and their limits."""
 

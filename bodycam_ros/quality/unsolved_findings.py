@@ -26,8 +26,8 @@ def unsolved_findings(solved: int, contradictory: int, rejected: Mapping[str, in
         Level.WRONG if share > _WRONG_SHARE else Level.DOUBTFUL,
         f"{contradictory} of {solved + contradictory} frames, at the start, are not solved: cameras contradict each "
         f"other{f', {names} most of all' if names else ''}",
-        "cameras whose names are exchanged, that were strapped on anew, or that record something else",
-        "compare their places and names with the body; a longer recording tells which",
+        "the names of cameras are exchanged, cameras were strapped on again, or they show something else",
+        "compare their places and names with the body file; a longer recording shows which cameras are wrong",
         part="recording",
         check="start",
     )

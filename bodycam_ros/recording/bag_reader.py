@@ -16,7 +16,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, check_image_size
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
-from bodycam_ros.files.shown import few
+from bodycam_ros.files.shown import few, other_than
 from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model, image_stamp_ns
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
@@ -289,6 +289,11 @@ class Recording:
             times[cameras[topic]].append((recorded_ns, stamp_ns))
         return {camera: np.array(rows, np.int64).reshape(-1, 2) for camera, rows in times.items()}
 
+    def image_stamps(self, cameras: Collection[str]) -> dict[str, NDArray[np.int64]]:
+        """Camera -> (N,) stamps of its images [ns], in their order."""
+        times = self.image_times()
+        return {camera: np.sort(times[camera][:, 1]) for camera in cameras}
+
     def _messages(
         self, cameras: Collection[str], start_ns: int | None = None, stop_ns: int | None = None
     ) -> Iterator[CameraImage]:
@@ -350,7 +355,7 @@ class Recording:
 
     def _topic_of(self, camera: str) -> str:
         if camera not in self._image_topic:
-            raise RecordingError(f"{self.path}: no camera '{camera}'; there are {', '.join(self.cameras)}")
+            raise RecordingError(f"{self.path}: no camera '{camera}'; {other_than(camera, self.cameras)}")
         return self._image_topic[camera]
 
 

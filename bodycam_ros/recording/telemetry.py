@@ -57,8 +57,8 @@ def inertial_samples(path: Path) -> ImuSamples | None:
     rate_hz = 1.0 / float(np.median(np.diff(gyroscope_s)))
     if rate_hz < _LEAST_RATE_HZ:
         raise RecordingError(
-            f"{path}: its gyroscope has {rate_hz:.0f} samples a second of video, as in a time-lapse, where they are "
-            "averages; its inertial samples are left out"
+            f"{path}: its gyroscope has only {rate_hz:.0f} samples per second of video, as in a time-lapse; these are "
+            "averages, so its inertial samples are not used"
         )
     at = [np.interp(gyroscope_s, accelerometer_s, axis) for axis in accelerometer.T]
     return ImuSamples(np.round(1e9 * gyroscope_s).astype(np.int64), gyroscope, np.column_stack(at))

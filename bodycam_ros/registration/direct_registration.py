@@ -30,12 +30,12 @@ class DirectSettings:
     """Whether and how densely landmarks are found by photographs."""
 
     enabled: bool = setting(
-        True, reason="whether the photographs of the map are used; without them tracks and descriptors are"
+        True, reason="find landmarks with the photographs of the map; false uses tracks and descriptors instead"
     )
     per_cell: int = setting(
         2,
         limits=(1, 20),
-        reason="landmarks in each of the 64 cells of an image; more are more exact, and cost as much more time",
+        reason="landmarks in each of the 64 cells of an image; raise it for better poses, at the same cost in time",
     )
 
 

@@ -31,8 +31,8 @@ class PoseFitSettings:
         0.7,
         unit="px",
         limits=(0.05, 10.0),
-        reason="noise of a landmark's pixel per axis, patches, SIFT and map together; a larger one weighs cameras less "
-        "against joints and smoothness",
+        reason="standard deviation of a landmark in the image per axis, of patches, SIFT and map together; raise it to "
+        "weigh cameras less against joints and smooth motion",
     )
     inlier_px: ClassVar[float] = 2.5  # a reprojection error beyond this is no measurement of this landmark
 

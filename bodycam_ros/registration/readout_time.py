@@ -80,6 +80,6 @@ class ReadoutLog:
 def doubt(readout: Readout) -> str:
     """Message about a read-out time that is not known well."""
     return (
-        f"it moved too little to tell how long its rows are read out ({readout}). Give readout_time in its lens YAML, "
-        "or turn it more"
+        f"its read-out time is not known well ({readout}), because it moved too little. Give readout_time in its lens "
+        "YAML, or turn the camera more"
     )

@@ -250,8 +250,8 @@ def _read_header(path: Path) -> tuple[_Header, dict[str, Any]]:
 
 
 ASSUMED_VERTICAL = (
-    "this map does not know what is up; the body is solved all the same, but z of the output is the board's z, and up "
-    "only if the board lay flat"
+    "the upward axis of this map is unknown. The body is solved, but z of the output is the z axis of the board, which "
+    "points up only if the board lay flat"
 )
 """A warning where a body is solved in a map that is not ``gravity_aligned``."""
 
@@ -276,10 +276,10 @@ def load_map(path: Path, upright: bool = False) -> ReferenceMap:
         if reference_map is None:
             reference_map = _loaded[key] = ReferenceMap.load(path)
     if not reference_map.metric:
-        raise MapError(f"{path}: this map is not metric, so a body has no size in it; {_REMEDY}")
+        raise MapError(f"{path}: this map has no scale, and bodies are metric; {_REMEDY}")
     if upright and not reference_map.gravity_aligned:
         raise MapError(
-            f"{path}: this map does not know what is up, so a body has no upright in it; {_REMEDY}, whose 'placement' "
-            "says which of its axes is up"
+            f"{path}: the upward axis of this map is unknown, but the N-pose needs it; {_REMEDY}, whose 'placement' "
+            "must name the axis that points up"
         )
     return reference_map

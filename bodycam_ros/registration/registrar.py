@@ -42,8 +42,8 @@ class RegistrarSettings:
     min_inliers: int = setting(
         12,
         limits=(4, 500),
-        reason="landmarks that must agree with a pose; more reject doubtful poses, and lose dim or crowded places (the "
-        "paper takes 50, with twice as many pixels)",
+        reason="minimum number of landmarks that agree with a pose; raise it to reject doubtful poses, but then dim or "
+        "crowded places are not registered (the paper takes 50, with twice as many pixels)",
         live=True,
     )
 
@@ -79,7 +79,7 @@ class RegisteredCamera:
     until_readout: int = 0
 
     def with_readout(self, readout: Readout) -> "RegisteredCamera":
-        """With a read-out time of another source, if it is better known than the present one."""
+        """Return the camera with a read-out time from another source, if that is better known."""
         return replace(self, readout=readout) if readout.sigma <= self.readout.sigma else self
 
 

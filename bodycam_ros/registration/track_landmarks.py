@@ -49,7 +49,7 @@ def rematched(
     landmarks: NDArray[np.int64],
     strikes: int,
 ) -> TrackLandmarks:
-    """With landmarks (M,) of described tracks, which are better measurements than older tracks of the same.
+    """Return the tracks with landmarks (M,) of described tracks, which measure better than older tracks of the same.
 
     Args:
         tracks: in the frame.

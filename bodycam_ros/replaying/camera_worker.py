@@ -256,7 +256,7 @@ def register_images(
                 tracks, matches, keyframe = fronts[image.camera].process(decode_grey(image), stamp_ns)
             except RecordingError as error:
                 limit.discard(image.camera)
-                text = f"{error}; it is left out, and so will be others like it"
+                text = f"{error}; this image is not used, nor are others like it"
                 yield UnusableImages(image.camera, stamp_ns, "undecodable", text, recorded_ns=image.recorded_ns)
                 continue
             messages = _serialised(image.camera, tracks, matches, task.slim) if task.with_messages else ()

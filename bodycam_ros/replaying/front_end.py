@@ -162,6 +162,8 @@ class Worker:
         self.process.join(_POLL_S)
         killed = self.process.exitcode == -signal.SIGKILL
         memory = (
-            "; the system killed it, most likely for want of memory: give fewer processes (--jobs)" if killed else ""
+            "; the system killed it, most likely because memory ran out: give fewer processes (--jobs)"
+            if killed
+            else ""
         )
         raise RecordingError(f"a tracking process ended with exit code {self.process.exitcode}{memory}")

@@ -1,6 +1,6 @@
 """A recording of static cameras in, a body with its lengths and girths out, offline."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,6 @@ from bodycam_ros.body.body_shape import ShapeSettings
 from bodycam_ros.body_state import BodyFrame
 from bodycam_ros.calibration.body_calibrator import BodyCalibrator, CalibratedBody
 from bodycam_ros.calibration.rig import Rig
-from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RangeOfMotionError, StaticCameraError
 from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.formats.read_captured import read_start
@@ -30,14 +29,12 @@ from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import MAP, map_record
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles
-from bodycam_ros.timing.arrivals import Arrivals
-from bodycam_ros.timing.frame_assembler import AssemblerSettings
+from bodycam_ros.static_cameras.detected_people import detect_start
+from bodycam_ros.static_cameras.start_file import AUTO, StaticCameraFiles
+from bodycam_ros.timing.arrivals import frames_at_once
 from bodycam_ros.tracking.image_rate import ImageSettings
 
 _MAX_RATE_HZ = 25.0  # images used of a body camera; more take longer, at 12 a walk is 10 to 16 % less accurate
-_AT_ONCE_S = 0.005
-"""Stamps of different stations that differ by less are one frame."""
 
 
 def measure_body(
@@ -69,18 +66,21 @@ def measure_body(
     start = given.start
     if start is None:
         raise StaticCameraError(
-            f"where the body is at first is unknown; place it by hand with "
-            f"'bodycam view --place {recording_path}', and give that as --start"
+            f"the initial pose of the body is unknown; give --start auto, or set it by hand with 'bodycam view --place "
+            f"{recording_path}', and give the file that it writes with --start"
         )
     body = replace(with_hands(body), surface=None)
     reference_map = None if map_path is None else load_map(map_path)
     with open_recording(recording_path, names) as recording:
         stations = read_recorded_static_cameras(given, reference_map, recording, body)
+        people = None
+        if start == AUTO:
+            people = detect_start(recording.images(stations), stations, partial(on_progress, "people in first images"))
         measurement = BodyMeasurement(
             body,
             stations,
             lambda: _frames(recording_path, stations, names),
-            lambda initial: read_start(start, given.stations, stations, initial),
+            lambda initial: read_start(start, given.stations, stations, initial, given.person, people),
             settings,
             pipeline.region,
             pipeline.motion,
@@ -98,15 +98,8 @@ def _frames(path: Path, stations: Collection[str], names: TopicNames) -> Iterato
     """Images of static cameras that are of one time, in order of time, and the share of the recording before them."""
     with open_recording(path, names) as recording:
         start_ns, length_ns = recording.first_stamp_ns, max(1e9 * recording.duration_s, 1.0)
-        for frame in _frames_of_images(recording.images(stations), stations):
+        for frame in frames_at_once(recording.images(stations), stations):
             yield (frame.stamp_ns - start_ns) / length_ns, frame
-
-
-def _frames_of_images(images: Iterable[CameraImage], stations: Collection[str]) -> Iterator[BodyFrame]:
-    arrivals = Arrivals(stations, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
-    for image in images:
-        yield from arrivals.add(image)
-    yield from arrivals.flush()
 
 
 def calibrate(

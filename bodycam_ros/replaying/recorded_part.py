@@ -52,7 +52,7 @@ def published_window(
     if not parts:
         return window_ns, ""
     return most_ns, (
-        f"left out: {' and '.join(parts)}, while fewer than three quarters of the {len(spans_ns)} cameras run"
+        f"not solved: {' and '.join(parts)}, in which fewer than three quarters of the {len(spans_ns)} cameras run"
     )
 
 

@@ -1,4 +1,4 @@
-"""A recorded bag in, a bag with joint states out: the whole wire contract (DESIGN 3), offline."""
+"""Offline replay: reads a recorded bag and writes a bag with all topics of docs/roboticists.md."""
 
 import logging
 import time
@@ -36,6 +36,7 @@ from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import source_remarks, write_sources
+from bodycam_ros.static_cameras.start_file import AUTO
 
 logger = logging.getLogger(__name__)
 
@@ -97,8 +98,21 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             logger.warning("%s: %s", request.map, ASSUMED_VERTICAL)
         static_cameras = None
         if outside is not None:
+            people = None
+            if outside.start == AUTO:
+                from bodycam_ros.static_cameras.detected_people import detect_start
+
+                on_people = partial(on_step, "people in the first images")
+                people = detect_start(recording.images(stations, window_ns), stations, on_people)
             static_cameras = image_measurement(
-                outside, stations, body, request.body, settings, lambda *measured: out.write_measured(*measured)
+                outside,
+                stations,
+                body,
+                request.body,
+                settings,
+                lambda *measured: out.write_measured(*measured),
+                stamps_ns=recording.image_stamps(stations) if outside.keypoints else None,
+                people=people,
             )
             if not cameras and outside.start is None:
                 raise _nothing_solved(request, "")
@@ -118,7 +132,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         writer = stack.enter_context(write_recording(request.output, request.force))
         sources = request.sources(own, reference_map, recording.start_ns, recording.first_stamp_ns)
         write_sources(writer, sources, own, recording.start_ns)
-        summary.notes = (*([f"{left_out}; --all solves them as well"] if left_out else ()), *source_remarks(sources))
+        summary.notes = (*([f"{left_out}; --all solves these parts too"] if left_out else ()), *source_remarks(sources))
         summary.recorded_s = part_s(window_ns, recording)
         out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
         registered: Iterator[Result] = iter(())
@@ -173,8 +187,9 @@ def _nothing_solved(request: ReplayRequest, unusable: str) -> BodycamError:
         return RecordingError(f"{recording}: none of its images could be used: {unusable}")
     if outside is not None and outside.start is None:
         return StaticCameraError(
-            f"{recording}: no body camera was registered, so where the body is at first is unknown; place it "
-            f"by hand with 'bodycam view --place {recording}', and give that as --start"
+            f"{recording}: no body camera was registered, so the initial pose of the body is unknown; give --start "
+            f"auto, or set it by hand with 'bodycam view --place {recording}', and give the file that it writes with "
+            "--start"
         )
     if outside is not None:
         return StaticCameraError(f"{recording}: no image of a static camera could be used, so there is no motion")

@@ -1,4 +1,4 @@
-"""What a replay writes: every message of the wire contract (DESIGN 3) as it becomes known, in the end the verdict."""
+"""Writes the messages of a replay (topics: docs/roboticists.md) as they are solved, and at the end the verdict."""
 
 import logging
 from collections.abc import Collection, Iterable, Mapping
@@ -168,8 +168,8 @@ class ReplayOutput:
         summary.late = skeleton.arrivals.late
         if summary.late:
             logger.warning(
-                "%d registrations came after their frame had been solved without them; does a camera pause for "
-                "longer than assembler.max_wait?",
+                "%d registrations came too late: their frames had been solved without them. If a camera pauses for "
+                "longer than assembler.max_wait, raise that setting",
                 summary.late,
             )
         doubts = self._readouts.doubts().values()

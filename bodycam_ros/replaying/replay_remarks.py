@@ -46,10 +46,9 @@ def _of_camera(timing: ClockHistory, expected_s: float) -> Iterator[str]:
     if timing.is_off and abs(first.offset) > max(
         _WORTH_SAYING_S, _EXPECTED_SIGMAS * expected_s, 2.0 * first.offset_sigma
     ):
-        drifted = f", and drifted by {1e6 * first.drift:+z.0f} ppm" if _drifts(first) else ""
-        side = "ahead" if first.offset > 0 else "behind"
-        size = f"{1e3 * abs(first.offset):.1f} ms {side} (+-{1e3 * first.offset_sigma:.1f})"
-        yield f"its clock was {size}{drifted}; corrected"
+        drift = f", drift {1e6 * first.drift:+z.0f} ppm" if _drifts(first) else ""
+        offset = f"{1e3 * first.offset:+z.1f} +- {1e3 * first.offset_sigma:.1f} ms"
+        yield f"clock offset {offset}{drift}, corrected"
     for stamp_ns, by_s in timing.jumps:
         after_s = 1e-9 * (stamp_ns - first.since_ns)
         yield f"its clock jumped by {1e3 * by_s:+z.0f} ms after {after_s:.1f} s; corrected"

@@ -68,7 +68,7 @@ def _renamed(path: Path, stations: dict[str, StaticCamera], cameras: Sequence[st
     pairs = {theirs[number]: ours[number] for number in theirs if number in ours}
     if pairs:
         listed = ", ".join(f"{camera} is {name}" for camera, name in pairs.items())
-        logger.warning("%s: cameras are taken by their numbers: %s", path, listed)
+        logger.warning("%s: cameras are matched by the numbers in their names: %s", path, listed)
     return {camera: replace(stations[name], name=camera) for camera, name in pairs.items()} or stations
 
 
@@ -88,8 +88,9 @@ def _other_lens(file: Path, station: StaticCamera, recording: Recording) -> str:
     off = abs(recorded.fx / (scale * ours.fx) - 1.0)
     if off > _OTHER_LENS or (recorded.width, recorded.height) != (ours.width, ours.height):
         return (
-            f"camera {station.name}: {file} has a lens of {ours.fx:g} px for {ours.width} x {ours.height}, camera_info "
-            f"in {recording.path} one of {recorded.fx:g} px for {recorded.width} x {recorded.height}; the file's is used"
+            f"camera {station.name}: {file} has a focal length of {ours.fx:g} px for {ours.width} x {ours.height}, "
+            f"{recording.path} (camera_info) {recorded.fx:g} px for {recorded.width} x {recorded.height}; the first is "
+            "used"
         )
     return ""
 

@@ -106,8 +106,8 @@ class Provenance:
         if made_in is None or MapIdentity.parse(made_in.get("identity", "")).shares_world(given):
             return None
         return (
-            f"{self.path} was solved in map {_named(made_in)}, and {path} is another map ({given}): the body is not "
-            "where its landmarks are; give the map that it was solved in, or replay the recording in this one"
+            f"{self.path} was solved in map {_named(made_in)}, but {path} is another map ({given}), so the body and "
+            "its landmarks do not fit together; give the map that was used, or replay the recording in this one"
         )
 
     def body_difference(self, body: BodyModel, path: Path) -> str | None:
@@ -116,8 +116,8 @@ class Provenance:
         if solved_with is None or solved_with.get("identity") == given:
             return None
         return (
-            f"{self.path} was solved with body {_named(solved_with)}, and {path} is another one, {body.name} "
-            f"({given}): the motion is of the former; replay the recording with this body to see its own"
+            f"{self.path} was solved with body {_named(solved_with)}, but {path} is another body, {body.name} "
+            f"({given}); the motion shown is that of the first. Replay the recording with the second to see its motion"
         )
 
 
@@ -142,8 +142,8 @@ def source_remarks(records: Mapping[str, Mapping[str, str]]) -> tuple[str, ...]:
     if len(identities) < 2 or identities[0].shares_world(identities[1]):
         return ()
     return (
-        f"body {body['name']} was measured in map {_named(measured_in)} and is solved in map {_named(solved_in)}: its "
-        "lengths are right here if the boards of both maps were measured alike",
+        f"body {body['name']} was measured in map {_named(measured_in)} and solved in map {_named(solved_in)}: its "
+        "lengths are right here only if the boards of both maps have the same scale",
     )
 
 

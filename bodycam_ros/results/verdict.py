@@ -53,7 +53,7 @@ class Finding:
     @property
     def description(self) -> str:
         """Observation, cause and remedy in one line."""
-        parts = (self.what, f"likely {self.why}" if self.why else "", self.remedy)
+        parts = (self.what, f"likely cause: {self.why}" if self.why else "", self.remedy)
         return "; ".join(part for part in parts if part)
 
     @property
@@ -102,7 +102,7 @@ class Verdict:
         named = ", ".join(filter(None, accused))
         if self.level is Level.WRONG:
             return f"{self.level.word}: do not use this result{f'; {named}' if named else ''}"
-        return f"{self.level.word}: look twice at what depends on {named or 'it'}"
+        return f"{self.level.word}: check the result before you use it{f', above all {named}' if named else ''}"
 
 
 VERDICT, VERDICT_TYPE = "/verdict", "std_msgs/msg/String"

@@ -21,12 +21,12 @@ class RegionSettings:
     learning_rate: float = setting(
         0.15,
         limits=(0.0, 1.0),
-        reason="share of an image in the colours that are known: sun and shadow change them; raise it where light "
-        "changes fast, at the risk of learning the background",
+        reason="weight of a new image in the learned colours; raise it where the light changes fast (sun and shadow), "
+        "at the risk of learning the background",
     )
     least_confidence: float = setting(
         0.3,
         limits=(0.0, 1.0),
-        reason="share of a segment's lines that must measure something; raise it to reject more. Of a segment below it "
-        "no colours are learned",
+        reason="minimum share of a segment's contour lines that must give a measurement; raise it to reject more "
+        "segments. Below it no colours are learned of a segment",
     )

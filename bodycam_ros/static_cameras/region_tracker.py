@@ -13,9 +13,11 @@ import numpy as np
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.body_state import SegmentPose
+from bodycam_ros.estimation.factors.joint_keypoints import JointKeypoints
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3
 from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
+from bodycam_ros.static_cameras.keypoint_evidence import AgreedKeypoints
 from bodycam_ros.static_cameras.limb_search import LimbSearch, chains_of, colours_from, with_usual_limits
 from bodycam_ros.static_cameras.region_settings import LINES_ALIKE, MIN_LINES, RegionSettings
 from bodycam_ros.static_cameras.segment_support import (
@@ -44,6 +46,8 @@ _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their 
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
+_LASTING = 3  # frames in which keypoints have a limb elsewhere: two cameras may exchange left and right at once
+_KEYPOINT_STEPS = 5  # to where keypoints have a limb that was lost
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
 
 Images = Mapping[str, Image]
@@ -102,6 +106,7 @@ class RegionTracker:
         self._support = SegmentSupport(self.body)
         self._cameras = CameraSupport()
         self._random = np.random.default_rng(_SEED)
+        self._far_for = np.zeros(len(self.body.segments), np.int64)  # frames that keypoints had a segment elsewhere
         self._forget_colours()
 
     def initialise(self, images: Images, placed: Array, unplaced: Mask | None = None) -> Array:
@@ -251,7 +256,11 @@ class RegionTracker:
         return measure_support(fit.measured.values(), *self._explain_pixels(images, fit.contours))
 
     def measure(
-        self, images: Images, predicted: PredictedBody, known: Collection[SegmentPose] = ()
+        self,
+        images: Images,
+        predicted: PredictedBody,
+        known: Collection[SegmentPose] = (),
+        agreed: AgreedKeypoints | None = None,
     ) -> StaticMeasurement:
         """Measure the body in images of one frame, by camera (H, W, 3), blue, green, red.
 
@@ -259,22 +268,33 @@ class RegionTracker:
             images: of the frame; one or more.
             predicted: the body's prediction.
             known: other measurements of some segments, which the body as a whole takes into account.
+            agreed: keypoints in the images, likewise.
         """
+        agreed = agreed or AgreedKeypoints.nothing()
         for name in images:
             view = self.views[name]
             view.copy_unknown_colours(other for other in self.views.values() if other is not view)
         start = self._step.close_joints(predicted.world_T_segment)
-        fit = self._fit(images, start, predicted, known, self._support.unconfirmed)
-        self._support.update(self._measure_support(images, fit))
         on_body = self.body.named(each.segment for each in known)
-        jumped = ~self._all
+        far = agreed.far_from(start)
+        self._far_for = np.where(far, self._far_for + 1, 0)
+        jumped = (self._far_for >= _LASTING) & ~on_body
+        agreed = agreed.without(far & ~jumped)
+        if jumped.any():
+            # Keypoints have limbs elsewhere, and not for a moment: they are taken there, and the contours fit them.
+            start, jumped = self._moved_to(agreed, start, jumped)
+            predicted = _near(start)
+            self._support.start_again(jumped)
+        fit = self._fit(images, start, predicted, known, self._support.unconfirmed, agreed.keypoints)
+        self._support.update(self._measure_support(images, fit))
         if len(images) >= self._min_views and (missing := self._support.next_search() & ~on_body).any():
             colours = {name: view.colours for name, view in self.views.items()}
             poses, still = self._search(images, fit.poses, missing, known)
-            jumped = missing & ~still
-            if jumped.any():
-                self._support.start_again(jumped)
-                fit = self._fit(images, poses, _near(poses), known, self._support.unconfirmed)
+            found = missing & ~still
+            jumped = jumped | found
+            if found.any():
+                self._support.start_again(found)
+                fit = self._fit(images, poses, _near(poses), known, self._support.unconfirmed, agreed.keypoints)
                 self._support.update(self._measure_support(images, fit))
             else:
                 for name, view in self.views.items():
@@ -298,13 +318,33 @@ class RegionTracker:
             fit.poses,
             {name: regions.confidence for name, regions in fit.measured.items()},
             frozenset(np.flatnonzero(jumped).tolist()),
-            frozenset(np.flatnonzero(self._support.false & ~on_body).tolist()),
+            frozenset(np.flatnonzero((self._support.false | agreed.far_from(fit.poses)) & ~on_body).tolist()),
             misplaced,
             surface_variances(self.body),
+            agreed.keypoints,
         )
 
+    def _moved_to(self, agreed: AgreedKeypoints, poses: Array, far: Mask) -> tuple[Array, Mask]:
+        """Poses (S, 4, 4) with the joints where keypoints have them, and the segments (S,) that were elsewhere.
+
+        A segment is elsewhere where either of its ends is far (S,).
+        """
+        moved = poses
+        for _ in range(_KEYPOINT_STEPS):
+            moved = self._step.apply(moved, *agreed.keypoints.equations(moved), _near(poses))
+        parents, children = self.body.joint_ends.T
+        ends = far.copy()
+        ends[parents[far[children]]] = True
+        return moved, ends
+
     def _fit(
-        self, images: Images, start: Array, predicted: PredictedBody, known: Collection[SegmentPose], excluded: Mask
+        self,
+        images: Images,
+        start: Array,
+        predicted: PredictedBody,
+        known: Collection[SegmentPose],
+        excluded: Mask,
+        keypoints: JointKeypoints | None = None,
     ) -> _Fit:
         """Fit the body to its regions from poses (S, 4, 4), without excluded segments (S,) and misplaced cameras."""
         poses = before = start
@@ -319,7 +359,11 @@ class RegionTracker:
                 )
                 measured[name] = view.measure(image, contours[name], stride)
             before = poses
-            poses = self._step.apply(poses, *self._equations(measured, poses, known, excluded), predicted)
+            information, vector = self._equations(measured, poses, known, excluded)
+            if keypoints is not None:
+                by_keypoints = keypoints.equations(poses)
+                information, vector = information + by_keypoints[0], vector + by_keypoints[1]
+            poses = self._step.apply(poses, information, vector, predicted)
         return _Fit(poses, before, measured, contours)
 
     def _equations(

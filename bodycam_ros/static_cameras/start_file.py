@@ -34,6 +34,9 @@ _MOST_NAMED = 10
 _SHORTEST = 0.1  # quaternion: of the three digits that a person writes, a shorter one keeps two
 _FARTHEST_M = 1000.0  # beyond it, millimetres were taken for metres
 
+AUTO = Path("auto")
+"""A start that is detected in the first images."""
+
 START_SIGMAS = np.repeat([0.12, 0.04], 3)
 """[rad], [m] of a segment that a person placed by hand."""
 
@@ -48,12 +51,17 @@ class StaticCameraFiles:
     Attributes:
         stations: their poses and lenses.
         surface: folder of the segments' meshes; None for the body's own, or capsules.
-        start: initial pose of the body; None where body cameras measure it.
+        start: initial pose of the body, or ``AUTO``; None where body cameras measure it.
+        keypoints: folder of 2-D keypoints of each camera, a file for each image; None without.
+        person: which of the people it is, where the start is detected or keypoints: 1 for the one on whom the most
+            keypoints of all cameras agree.
     """
 
     stations: Path
     surface: Path | None = None
     start: Path | None = None
+    keypoints: Path | None = None
+    person: int = 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -123,7 +123,7 @@ class StaticCameraRegistration:
             raise self._error(f"{len(images)} of its images can be used, expected {_LEAST_IMAGES} or more")
         alone = self._register_each(images)
         if len(alone) < _LEAST_IMAGES:
-            raise self._error(f"{len(alone)} of its {len(images)} images show where it stands; {_SHOW_MORE}")
+            raise self._error(f"{len(alone)} of its {len(images)} images can be registered in the map; {_SHOW_MORE}")
         average = robust_average_pose(np.array([view.fit.world_T_camera for view in alone.values()]))
         agreed = [view for view in alone.values() if self._is_at(view, average)]
         if len(agreed) < _LEAST_IMAGES:
@@ -221,7 +221,7 @@ class StaticCameraRegistration:
         apart = np.array([view.apart(world_T_camera) for view in views])
         turn, shift = (np.linalg.norm(part, axis=1).max() for part in np.split(apart, 2, axis=1))
         return self._error(
-            f"it moves, by {1e3 * shift:.0f} mm and {np.degrees(turn):.1f} deg at least; fix it and record again, or "
+            f"it moves, by {1e3 * shift:.0f} mm and {np.degrees(turn):.1f} deg at least; fasten it, record again, or "
             "leave it out (--cameras) if it is on the body"
         )
 

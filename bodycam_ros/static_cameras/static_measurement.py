@@ -12,6 +12,7 @@ from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
+from bodycam_ros.static_cameras.keypoint_evidence import KeypointEvidence
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.start_file import PlacedBody, placed_segments
 from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
@@ -37,6 +38,7 @@ class ImageMeasurement:
         placed: initial pose given by hand; None without one.
         motion: sigmas of the segments' accelerations.
         on_seen: called with the stamp of each camera's image [ns], and the measurement.
+        keypoints: in the images; None without.
     """
 
     def __init__(
@@ -45,7 +47,9 @@ class ImageMeasurement:
         placed: PlacedBody | None,
         motion: MotionSettings,
         on_seen: Callable[[Mapping[str, int], StaticMeasurement], None] = lambda stamps_ns, seen: None,
+        keypoints: KeypointEvidence | None = None,
     ) -> None:
+        self._keypoints = keypoints
         self._tracker, self._placed = tracker, placed
         self._stations = {name: view.station for name, view in tracker.views.items()}
         self._motion, self._on_seen = motion, on_seen
@@ -85,9 +89,11 @@ class ImageMeasurement:
         if not self._has_colours:
             predicted = self._tracker.find_limbs(pictures, predicted, known)
             self._has_colours = True
-        seen = self._tracker.measure(pictures, predicted_body(predicted, dt_s, self._motion), known)
+        stamps_ns = {name: frame.images[name].stamp_ns for name in pictures}
+        agreed = self._keypoints.agreed(stamps_ns, predicted) if self._keypoints else None
+        seen = self._tracker.measure(pictures, predicted_body(predicted, dt_s, self._motion), known, agreed)
         self._latest = frame.stamp_ns, seen.world_T_segment
-        self._on_seen({name: frame.images[name].stamp_ns for name in pictures}, seen)
+        self._on_seen(stamps_ns, seen)
         return seen
 
 

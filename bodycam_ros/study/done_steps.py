@@ -27,7 +27,7 @@ class DoneSteps:
         self._folder = folder
 
     def steps_to_run(self, steps: Iterable[Step]) -> list[Step]:
-        """Those whose command, inputs or software changed, whose output is missing, and those that read their outputs.
+        """Steps whose command, inputs or software changed or output is missing, and those that read their outputs.
 
         Args:
             steps: each after the steps whose outputs it reads.
@@ -65,7 +65,7 @@ class DoneSteps:
         write_whole(self._file(step), json.dumps(note, indent=1) + "\n")
 
     def exit_code(self, step: Step) -> int:
-        """With which a step ended when it was last done: 0, or 3 for a result that should not be used."""
+        """Exit code of a step that is done: 0, or 3 for a result that should not be used."""
         return int(self._read(step).get("exit_code", 0))
 
     def seconds(self, step: Step) -> float | None:

@@ -14,6 +14,7 @@ import msgspec
 
 from bodycam_ros.errors import BodyError, OutputError, RecordingError, StudyError
 from bodycam_ros.files.output_place import check_output
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.study.step_runner import LOCK
 from bodycam_ros.study.study import Entry, Place, Recording, Source, Study, Subject, find_source
@@ -86,8 +87,8 @@ class _StudyReader:
 
         for number, name in enumerate(entry.exports):
             if name not in FORMATS:
-                known = ", ".join(FORMATS)
-                self._refuse(f"exports[{number}]", f"'{name}' is no format of 'bodycam export'; there are {known}")
+                known = other_than(name, FORMATS)
+                self._refuse(f"exports[{number}]", f"'{name}' is no format of 'bodycam export'; {known}")
         found, exports = tuple(recordings.values()), tuple(dict.fromkeys(entry.exports))
         return Study(self._path, entry.places, subjects, found, entry.settings, entry.lenses, exports)
 
@@ -170,7 +171,7 @@ class _StudyReader:
         if name is None:
             self._refuse(key, f"lacks {what}; there are {', '.join(known)}")
         if name not in known:
-            self._refuse(f"{key}.{what}", f"'{name}' is no {what} of this study; there are {', '.join(known)}")
+            self._refuse(f"{key}.{what}", f"'{name}' is no {what} of this study; {other_than(name, known)}")
         return name
 
     def _equipment(self, key: str, text: str | None) -> Path | str | None:

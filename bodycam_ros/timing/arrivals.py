@@ -1,11 +1,12 @@
 """From what cameras and inertial sensors send to frames of the body: what is late, and which epoch it is."""
 
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
 from bodycam_ros.body_state import BodyFrame
+from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.clock_estimator import ClockEstimator
 from bodycam_ros.timing.frame_assembler import AssemblerSettings, FrameAssembler
@@ -13,6 +14,7 @@ from bodycam_ros.timing.silence import Silence
 from bodycam_ros.timing.timeline import Message, Timeline
 
 _RECENT = 150  # frames by which cameras are judged: some seconds
+_AT_ONCE_S = 0.005  # stamps of different static cameras that differ by less are one frame
 
 
 @dataclass(frozen=True)
@@ -200,3 +202,11 @@ class Arrivals:
             self.frames += 1
             self._recent.append(frozenset({*frame.matches, *frame.images}))
         return passed
+
+
+def frames_at_once(images: Iterable[CameraImage], cameras: Collection[str]) -> Iterator[BodyFrame]:
+    """Images of static cameras that are of one time, in order of time."""
+    arrivals = Arrivals(cameras, AssemblerSettings(sync_tolerance=_AT_ONCE_S))
+    for image in images:
+        yield from arrivals.add(image)
+    yield from arrivals.flush()

@@ -20,14 +20,14 @@ _LEAST_JUMP_S = 0.006  # estimates of one clock before and after a break differ 
 
 @dataclass(frozen=True)
 class ClockSettings:
-    """Clocks of cameras that nothing triggers together."""
+    """Clocks of free-running cameras."""
 
     sigma: float = setting(
         0.02,
         unit="s",
         limits=(1e-6, 1.0),
-        reason="standard deviation of an unknown clock offset; raise it for cameras that are synchronised worse than "
-        "by sound, which leaves some milliseconds and a frame of video delay",
+        reason="standard deviation of a clock offset before it is estimated; raise it for cameras that are aligned "
+        "worse in time than by sound, which leaves some milliseconds and the video delay of one frame",
     )
 
 

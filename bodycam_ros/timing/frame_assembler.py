@@ -32,14 +32,16 @@ class AssemblerSettings:
         0.008,
         unit="s",
         limits=(0.0, 0.1),
-        reason="stamps this close are one state; of cameras faster than 60 Hz less than half the time of an image",
+        reason="stamps that differ by less than this belong to one state; for cameras faster than 60 Hz set it below "
+        "half of the time between two images",
     )
     max_wait: float = setting(
         1.0,
         unit="s",
         limits=(0.05, 60.0),
-        reason="a camera without images while another goes on for this long, in time of the recording, is not waited "
-        "for until its next image; raise it for slow networks, at the cost of delay when a camera fails",
+        reason="longest time, in the recording's time, that a frame waits for a camera that sends no images while "
+        "others do; then frames are complete without it until its next image. Raise it for slow networks; a camera "
+        "that fails then delays the output longer",
         live=True,
     )
 

@@ -87,13 +87,16 @@ class CameraMotion:
     poses: tuple[tuple[int, Array], ...] = ()
 
     def with_pose(self, stamp_ns: int, world_T_camera: Array, previous_stamp_ns: int) -> "CameraMotion":
-        """After a registered image; ``previous_stamp_ns`` is that of the image before it, registered or not [ns]."""
+        """Return the motion after a registered image.
+
+        ``previous_stamp_ns`` is that of the image before it, registered or not [ns].
+        """
         follows = bool(self.poses) and self.poses[-1][0] == previous_stamp_ns
         before = self.poses[1 - _KEPT :] if follows else ()
         return CameraMotion(world_T_camera, (*before, (stamp_ns, world_T_camera)))
 
     def with_unregistered(self, world_T_camera: Array | None) -> "CameraMotion":
-        """After an image without registration: the pose predicted for it, or None where the camera is lost."""
+        """Return the motion after an unregistered image, with its predicted pose; None: the camera is lost."""
         if world_T_camera is not None:
             # Or rounding doubles with every image.
             world_T_camera = rigid(nearest_rotation(world_T_camera[:3, :3]), world_T_camera[:3, 3])

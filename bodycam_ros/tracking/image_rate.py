@@ -18,9 +18,9 @@ class ImageSettings:
         0.0,
         unit="Hz",
         limits=(0.0, 1000.0),
-        reason="most images a second of each body camera of a recording that are used, and so most states; 0: all. 30 "
-        "do for cameras of 60 or 120; fewer differ so much that each costs more, and what is no whole part of their "
-        "rate leaves uneven steps, which count as gaps",
+        reason="most images per second that are used of each body camera of a recording, and so most states per "
+        "second; 0: all. 30 are enough for cameras of 60 or 120 Hz. With fewer, images differ so much that each one "
+        "costs more time. A rate that does not divide the rate of the camera leaves uneven steps, which count as gaps",
     )
 
 

@@ -27,19 +27,20 @@ class KeypointSettings:
     image_scale: float = setting(
         0.5,
         limits=(0.25, 1.0),
-        reason="size of the image in which keypoints are detected; at half size they cost a quarter, and what is "
-        "missed the photographs seldom show",
+        reason="scale of the image in which keypoints are detected; at half size detection takes a quarter of the "
+        "time, and the keypoints that it misses are seldom in the photographs",
     )
     contrast_threshold: float = setting(
         0.02,
         limits=(0.001, 0.2),
-        reason="SIFT contrast of a keypoint; a lower one finds more in dim halls and compressed images, and more noise",
+        reason="minimum SIFT contrast of a keypoint; lower it to find more in dim halls and compressed images, with "
+        "more noise",
     )
     max_keypoints: int = setting(
         350,
         limits=(50, 20000),
-        reason="strongest keypoints of an image; a quarter of them are landmarks of the map, and a hundred "
-        "give a pose to millimetres",
+        reason="most keypoints of an image, the strongest; about a quarter of them are landmarks of the map, and a "
+        "hundred landmarks give a pose to millimetres",
     )
 
 

@@ -11,6 +11,7 @@ from bodycam_ros.body.body_edit import joint_named, move_joint, move_mount
 from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.files.whole_file import write_whole
 from bodycam_ros.geometry import Array, log_so3
 
@@ -127,7 +128,7 @@ def place_of(body: BodyModel, part: Part) -> tuple[str, Array]:
         joint = joint_named(body, part.name)
         return joint.parent, joint.parent_T_joint
     if part.name not in body.mounts:
-        raise BodyError(f"no camera {part.name} on this body; there are {', '.join(body.mounts) or 'none'}")
+        raise BodyError(f"no camera {part.name} on this body; {other_than(part.name, body.mounts)}")
     return body.mounts[part.name].segment, body.mounts[part.name].segment_T_camera
 
 

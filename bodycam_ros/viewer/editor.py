@@ -71,11 +71,12 @@ class Editor(Generic[E]):
             gui.add_markdown(text)
             self._part = gui.add_dropdown("move", tuple(parts))
             self._place = gui.add_vector3("place [m]", (0.0, 0.0, 0.0), step=_STEP_M)
-            gui.add_button("Undo").on_click(server.when_pressed(self.undo))
+            self._undo = gui.add_button("Undo", disabled=True)
             self._write = gui.add_button(f"Write {file_name}")
             self._remark = gui.add_markdown("")
         server.on_input(self._part, lambda name: select(parts[name]))
         server.on_input(self._place, self._enter)
+        self._undo.on_click(server.when_pressed(self.undo))
         self._write.on_click(server.when_pressed(write))
 
     @property
@@ -104,6 +105,7 @@ class Editor(Generic[E]):
 
     def _take_steps(self, steps: list[E]) -> None:
         self._steps = steps
+        self._undo.disabled = len(steps) < 2
         self._changed()
 
     def show(

@@ -12,7 +12,7 @@ from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.errors import ViewError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.files.whole_file import whole_file
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.progress import Progress
@@ -111,8 +111,10 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[_Shot]
     if recording is None:
         raise ViewError(f"--over {shown(camera)}: give the bag with its images with --recording")
     if camera not in sources.cameras:
-        known = ", ".join(sources.cameras)
-        raise ViewError(f"--over {shown(camera)}: is no camera that {recording} has images of; there are {known}")
+        raise ViewError(
+            f"--over {shown(camera)}: is no camera that {recording} has images of; "
+            f"{other_than(camera, sources.cameras)}"
+        )
     clock = read_clock(solved, camera)
     with open_recording(recording) as bag:
         lens = stations[camera].camera if camera in stations else bag.camera_model(camera)

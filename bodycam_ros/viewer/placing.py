@@ -21,11 +21,12 @@ from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
+from bodycam_ros.static_cameras.detected_people import detect_people
 from bodycam_ros.static_cameras.placement import Placement, standing_in_view
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 from bodycam_ros.static_cameras.segment_support import CONFIRMED
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles, write_start
+from bodycam_ros.static_cameras.start_file import AUTO, StaticCameraFiles, write_start
 from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.editor import Editor
@@ -76,7 +77,9 @@ class PlacingSources:
         if files.start is None:
             poses = standing_in_view(self.tracker.body, [stations[name] for name in self.images])
         else:
-            poses = read_start(files.start, files.stations, stations, person).world_T_segment
+            people = detect_people([self.images], self.images) if files.start == AUTO else None
+            placed = read_start(files.start, files.stations, stations, person, files.person, people)
+            poses = placed.world_T_segment
         self.placement = Placement(self.tracker.body, poses)
         self._file_T_world = inverse(world_T_file(files.stations, stations))
 

@@ -27,6 +27,16 @@ def test_undecodable_image_is_an_error_that_names_it(
         decode(CameraImage("head", 5, content))
 
 
+def test_pixels_are_grey_or_blue_green_red() -> None:
+    colours = np.random.default_rng(0).integers(0, 255, (6, 8, 3), np.uint8)
+    image = CameraImage("head", 5, colours)
+    np.testing.assert_array_equal(decode_grey(image), cv2.cvtColor(colours, cv2.COLOR_BGR2GRAY))
+    np.testing.assert_array_equal(decode_colour(image), colours)
+    for wrong in (colours.astype(float), colours[..., :2], colours[0, 0], colours[:0]):
+        with naming(RecordingError, "camera head", str(wrong.shape), str(wrong.dtype)):
+            decode_grey(CameraImage("head", 5, wrong))  # type: ignore[arg-type]
+
+
 def test_a_small_file_of_a_huge_image_takes_no_memory() -> None:
     """Nine hundred megabytes of grey in one of PNG; in a process of its own, as OpenCV reads its limit once."""
     code = """

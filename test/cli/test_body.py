@@ -111,7 +111,7 @@ def test_a_map_without_a_vertical_is_refused(sample: Path, tmp_path: Path) -> No
     tilted.save(tmp_path / "map")
     done = run(sample, tmp_path / "body.yaml", "--map", tmp_path / "map")
     assert done.returncode == 1
-    assert "does not know what is up" in done.stderr
+    assert "the upward axis of this map is unknown" in done.stderr
 
 
 def test_interrupting_leaves_nothing(sample: Path, tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def test_a_body_is_measured_and_its_file_says_how_well(
         (["STATIONS", "--initial-body", "nobody.yaml"], "nobody.yaml"),
         (["STATIONS", "--height", "1.8", "--rig", "rig.yaml"], "--rig is for body cameras"),
         (["STATIONS", "--height", "1.8", "--facing", "90"], "--facing is for body cameras"),
-        (["--stations", "CAMERAS", "--height", "1.8"], "give that as --start"),
+        (["--stations", "CAMERAS", "--height", "1.8"], "give the file that it writes with --start"),
         (["--stations", "none.yaml", "--start", "START", "--height", "1.8"], "none.yaml"),
         (["--stations", "CAMERAS", "--start", "CAMERAS", "--height", "1.8"], "places no segment of body"),
     ],

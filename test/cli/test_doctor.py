@@ -103,8 +103,8 @@ def test_people_read_a_line_for_each_check(capsys: pytest.CaptureFixture[str], t
     assert main(["doctor", str(tiny_bag)]) == 3
     out = capsys.readouterr().out
     assert "features" in out and "turn it away from bare walls" in " ".join(out.split())
-    assert "not checked: share of images that register: give --map" in out
-    assert out.rstrip().endswith("wrong: mend what is wrong and record again")
+    assert "not checked: share of registered images (needs --map)" in out
+    assert out.rstrip().endswith("wrong: correct what is marked as wrong above, then record again")
 
 
 @pytest.mark.parametrize("flag", ["--map", "--body", "--rig", "--board"])

@@ -26,7 +26,7 @@ SAMPLE_NS = 5_000_000
         (0.004, 9.0, GRAVITY, ""),
         (3600.0, 9.0, GRAVITY, "no samples at the time of the images"),
         (-0.1, 9.0, GRAVITY, "no samples at the time of the images"),
-        (0.0, 1.5, GRAVITY, "no samples yet at"),
+        (0.0, 1.5, GRAVITY, "no samples at"),
         (0.0, 9.0, 1.0, "by its accelerometer"),  # in g
     ],
 )

@@ -38,7 +38,7 @@ def test_the_command_tells_of_every_attachment_and_length(
         "equipment bicycle",
         "pedal_left",
         "85.0%",
-        "placed from 0.10 s",
+        "known from 0.10 s",
         "3000.0",
         "crank_x",
         "attachment bar is 3 m from the body",

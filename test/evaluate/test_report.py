@@ -51,7 +51,7 @@ def test_the_command_prints_and_writes(solved: Path, truth: Path, tmp_path: Path
         "position [cm]",
         "coverage 100.0%",
         "scale 1.00000",
-        "same motion as walk: the two motions correlate by 1.000",
+        "same motion as walk: correlation 1.000",
         f"written to {tmp_path / 'report'}",
     ):
         assert text in result.stdout.replace("\n", "") or text in result.stdout
@@ -59,6 +59,7 @@ def test_the_command_prints_and_writes(solved: Path, truth: Path, tmp_path: Path
     assert figures["truth"]["position_cm"]["mean"] < 1e-6
     assert figures["cameras"]["shin"]["registered"] == pytest.approx(1.0 - len(LOST["shin"]) / 60)
     assert sorted(p.name for p in (tmp_path / "report").iterdir()) == [
+        "angles.png",
         "joints.png",
         "report.html",
         "summary.json",
@@ -73,6 +74,7 @@ def test_the_recording_adds_pixels(solved: Path, tmp_path: Path) -> None:
     assert (result.returncode, result.stderr) == (0, "")
     assert "of landmarks in the solved pose" in " ".join(result.stdout.split())
     assert sorted(p.name for p in (tmp_path / "report").iterdir()) == [
+        "angles.png",
         "overlay.png",
         "report.html",
         "summary.json",

@@ -12,9 +12,11 @@ from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
-from bodycam_ros.formats.keypoints import JOINTS
+from bodycam_ros.formats.keypoints import JOINTS, read_keypoints
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
+from bodycam_ros.static_cameras.blazepose import LANDMARKS
+from bodycam_ros.static_cameras.start_file import AUTO
 from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 KINDS = {"Shoulder": "upper_arm", "Elbow": "forearm", "Wrist": "hand", "Hip": "thigh", "Knee": "shin", "Ankle": "foot"}
@@ -75,13 +77,60 @@ def test_a_person_is_found_by_every_layout(body: BodyModel, tmp_path: Path, layo
     assert off[limbs].max() < 0.05
 
 
-def test_one_of_two_people_is_found_although_cameras_list_them_in_other_orders(body: BodyModel, tmp_path: Path) -> None:
+def test_each_of_two_people_is_found_although_cameras_list_them_otherwise(body: BodyModel, tmp_path: Path) -> None:
     both = [pose_of(body, 0.4, 0.7), pose_of(body, -0.6, 2.0)]
     stations = write(tmp_path / "pose", body, both, LAYOUTS["HALPE_26"])
-    placed = read_start(tmp_path / "pose", tmp_path / "cameras.yaml", stations, body).world_T_segment
     rows = [body.segment_index[name] for name in ("foot_left", "hand_right", "thigh_left", "shin_right")]
-    off = [np.linalg.norm(placed[rows, :3, 3] - true[rows, :3, 3], axis=1).max() for true in both]
-    assert min(off) < 0.05
+    off = np.array([[np.inf, np.inf]] * 2)
+    for person in (1, 2):
+        placed = read_start(tmp_path / "pose", tmp_path / "cameras.yaml", stations, body, person).world_T_segment
+        off[person - 1] = [np.linalg.norm(placed[rows, :3, 3] - true[rows, :3, 3], axis=1).max() for true in both]
+    assert (off.min(axis=1) < 0.05).all() and set(off.argmin(axis=1).tolist()) == {0, 1}
+    with pytest.raises(BodyError) as refused:
+        read_start(tmp_path / "pose", tmp_path / "cameras.yaml", stations, body, 3)
+    assert "2 people" in str(refused.value) and "--person is 3" in str(refused.value)
+
+
+def test_a_person_found_twice_is_one_person(body: BodyModel, tmp_path: Path) -> None:
+    true = pose_of(body, 0.4, 0.7)
+    stations = write(tmp_path / "pose", body, [true, true], LAYOUTS["HALPE_26"])
+    with pytest.raises(BodyError) as refused:
+        read_start(tmp_path / "pose", tmp_path / "cameras.yaml", stations, body, 2)
+    assert "1 people" in str(refused.value)
+
+
+def test_detected_people_are_a_start(body: BodyModel, tmp_path: Path) -> None:
+    true = pose_of(body, 0.3, 0.7)
+    stations = write(tmp_path / "pose", body, [true], LAYOUTS["COCO-17"])
+    people = read_keypoints(tmp_path / "pose", stations, 1)
+    placed = read_start(AUTO, tmp_path / "cameras.yaml", stations, body, 1, people).world_T_segment
+    rows = [body.segment_index[name] for name in ("foot_left", "hand_right", "thigh_left", "shin_right")]
+    assert np.linalg.norm(placed[rows, :3, 3] - true[rows, :3, 3], axis=1).max() < 0.05
+
+
+def test_a_start_that_cannot_be_detected_is_refused(body: BodyModel, tmp_path: Path) -> None:
+    stations = static_cameras_around(4)
+    with pytest.raises(BodyError) as refused:
+        read_start(AUTO, tmp_path / "cameras.yaml", stations, body)
+    assert "bodycam view --place" in str(refused.value)
+    nobody: dict[str, list[list[Array]]] = {name: [[]] for name in stations}
+    with pytest.raises(BodyError) as refused:
+        read_start(AUTO, tmp_path / "cameras.yaml", stations, body, 1, nobody)
+    assert f"nobody at all was found before {[*stations][0]}" in str(refused.value)
+
+
+def test_a_start_of_one_person_has_no_second(body: BodyModel, tmp_path: Path) -> None:
+    (tmp_path / "start.yaml").write_text("pelvis: [0, 0, 1, 0, 0, 0, 1]\n")
+    with pytest.raises(BodyError) as refused:
+        read_start(tmp_path / "start.yaml", tmp_path / "cameras.yaml", static_cameras_around(4), body, 2)
+    assert "start.yaml" in str(refused.value) and "--person" in str(refused.value)
+
+
+def test_detected_keypoints_are_in_the_order_of_those_in_files() -> None:
+    # https://github.com/google-ai-edge/mediapipe/blob/v0.10.21/mediapipe/python/solutions/pose.py
+    names = {11: "LShoulder", 12: "RShoulder", 13: "LElbow", 14: "RElbow", 15: "LWrist", 16: "RWrist", 23: "LHip",
+             24: "RHip", 25: "LKnee", 26: "RKnee", 27: "LAnkle", 28: "RAnkle"}  # fmt: skip
+    assert tuple(names[row] for row in LANDMARKS) == JOINTS
 
 
 def test_a_limb_without_keypoints_is_searched_for(body: BodyModel, tmp_path: Path) -> None:

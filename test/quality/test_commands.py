@@ -44,7 +44,7 @@ def test_a_wrong_lens_is_named_by_replay_and_evaluate(sample: Path, wrong_lens: 
     replayed = bodycam("replay", wrong_lens, "--map", sample / "map", "--body", sample / "body.yaml", "-o", out)
     assert replayed.returncode == WRONG_RESULT, replayed.stderr
     assert "verdict: wrong: do not use this result; shin_left" in replayed.stdout
-    assert "its lens is not what camera_info says" in replayed.stdout
+    assert "its images do not fit its calibration" in replayed.stdout
     with BagFile(out) as bag:
         *_, (_, _, last) = bag.messages(["/diagnostics"])
     verdict = next(status for status in last.status if status.name == "verdict")
@@ -56,7 +56,7 @@ def test_a_wrong_lens_is_named_by_replay_and_evaluate(sample: Path, wrong_lens: 
     verdict = json.loads((report / "summary.json").read_text())["verdict"]
     assert verdict["level"] == "wrong"
     assert [finding["subject"] for finding in verdict["findings"] if finding["level"] == "wrong"] == ["shin_left"]
-    assert "its lens is not what camera_info says" in verdict["findings"][0]["why"]
+    assert "its images do not fit its calibration" in verdict["findings"][0]["why"]
 
 
 def test_exchanged_forearms_are_named(sample: Path, tmp_path: Path) -> None:

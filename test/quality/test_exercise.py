@@ -69,7 +69,7 @@ def test_the_n_pose_may_be_held_later() -> None:
     kicked = {**registered.poses["shin"], 2: rigid(exp_so3(np.array([0.3, 0.0, 0.0])), np.zeros(3))}
     found = check_rest(RegisteredSamples(SECONDS, {**registered.poses, "shin": kicked}), RIG.cameras)
     (finding,) = found
-    assert finding.level is Level.GOOD and "searches all of the recording" in finding.what
+    assert finding.level is Level.GOOD and "searches the recording" in finding.what
 
 
 def test_nobody_seen_at_first_is_no_fault() -> None:
@@ -90,4 +90,4 @@ def test_the_share_that_finds_itself_is_judged_by_camera() -> None:
 def test_a_wrong_map_is_said_once() -> None:
     lost = RegisteredSamples(SECONDS, {name: dict.fromkeys(range(4)) for name in ("waist", "thigh")})
     found = list(check_registration(lost))
-    assert len(found) == 1 and found[0].level is Level.WRONG and "map of this place" in found[0].text
+    assert len(found) == 1 and found[0].level is Level.WRONG and "photograph more" in found[0].text

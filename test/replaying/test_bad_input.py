@@ -229,7 +229,7 @@ def test_settings_are_checked(sample: Path, tmp_path: Path, capfd: pytest.Captur
 def test_a_map_without_scale_is_refused(sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     dataclasses.replace(ReferenceMap.load(sample / "map"), metric=False).save(tmp_path / "map")
     code = run(sample, sample / "sample" / "bag", tmp_path / "out", map_path=tmp_path / "map")
-    assert_refused(capfd, code, tmp_path / "out", str(tmp_path / "map"), "not metric", "AprilTag board")
+    assert_refused(capfd, code, tmp_path / "out", str(tmp_path / "map"), "has no scale", "AprilTag board")
 
 
 def test_a_map_without_a_vertical_is_solved_with_a_word(
@@ -238,7 +238,7 @@ def test_a_map_without_a_vertical_is_solved_with_a_word(
     dataclasses.replace(ReferenceMap.load(sample / "map"), gravity_aligned=False).save(tmp_path / "map")
     bag = write_altered_sample(sample, tmp_path / "bag", frames=4)
     assert run(sample, bag, tmp_path / "out", map_path=tmp_path / "map") == 0
-    assert "does not know what is up" in caplog.text
+    assert "upward axis of this map is unknown" in caplog.text
 
 
 def test_what_is_lost_is_said_of_each_camera(
@@ -253,7 +253,7 @@ def test_what_is_lost_is_said_of_each_camera(
     (bag / "metadata.yaml").write_text(yaml.safe_dump(metadata))
     assert run(sample, bag, tmp_path / "out") == 0
     printed = capfd.readouterr().out
-    heading = next(line for line in printed.splitlines() if "registered" in line and "images" in line)
+    heading = next(line for line in printed.splitlines() if line.split()[:2] == ["camera", "images"])
     assert heading.split()[:4] == ["camera", "images", "registered", "missing"]
     row = next(line for line in printed.splitlines() if CAMERAS[0] in line)
     assert row.split()[:4] == [CAMERAS[0], "12", "66.7%", "4"]

@@ -13,7 +13,7 @@ def clock(camera: str, offset_s: float, sigma_s: float = 0.001) -> ClockHistory:
 def test_offsets_within_three_of_the_recorded_sigmas_are_not_printed() -> None:
     timings = {"head": clock("head", 0.019), "foot": clock("foot", 0.06)}
     (remark,) = clock_remarks(timings, {}, expected_s=0.017)
-    assert remark == "camera foot: its clock was 60.0 ms ahead (+-1.0); corrected"
+    assert remark == "camera foot: clock offset +60.0 +- 1.0 ms, corrected"
     assert len(clock_remarks(timings, {})) == 2, "of cameras that a driver stamps together, both are news"
 
 

@@ -114,7 +114,7 @@ def test_a_camera_that_is_late_is_found_named_and_corrected(sample: Path, tmp_pa
             assert shin.timing.is_off
             assert shin.timing.latest.offset == pytest.approx(0.02, abs=min(0.008, 3.0 * told.offset_sigma))
             (remark,) = clock_remarks(summary.timings, summary.speeds)
-            assert remark.startswith("camera shin_left: its clock was ") and "ms ahead" in remark
+            assert remark.startswith("camera shin_left: clock offset +")
         else:
             assert not any(timing.is_off for timing in summary.timings.values())
     assert np.degrees(np.abs(angles["late"] - angles["right"])).mean() < 0.3

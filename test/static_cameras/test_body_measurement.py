@@ -41,10 +41,10 @@ BENT = {"knee", "ankle", "elbow", "shoulder"}
 
 @dataclass(frozen=True, eq=False)
 class Painted:
-    """A person, what is begun with, and the instants."""
+    """A person, the initial body, and the instants."""
 
     person: BodyModel
-    begun: BodyModel
+    initial: BodyModel
     first: Array
     dressed: DressedBody
     instants: list[BodyFrame]

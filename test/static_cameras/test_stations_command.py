@@ -82,7 +82,7 @@ def test_who_stands_is_written_and_who_does_not_is_named(
     assert "2 of 6 cameras written to" in said
     for told in (
         "NOT placed: camera hand: it moves",
-        "NOT placed: camera blank: 0 of its 2 images show where it stands; photograph what it sees",
+        "NOT placed: camera blank: 0 of its 2 images can be registered in the map; photograph what it sees",
         "NOT placed: camera lensless: ",
         "NOT placed: camera halved: its images have 320 x 240 pixels, but its lens (camera_info) is for 640 x 480",
     ):
@@ -124,5 +124,5 @@ def test_a_map_without_metres_is_no_place_for_stations(
 ) -> None:
     replace(reference_map, metric=False).save(tmp_path / "map")
     assert main(command(bag, tmp_path, tmp_path / "cameras.yaml")) == 1
-    assert "this map is not metric" in capsys.readouterr().err
+    assert "this map has no scale" in capsys.readouterr().err
     assert not (tmp_path / "cameras.yaml").exists()

@@ -79,3 +79,14 @@ def test_a_drag_goes_on_where_what_it_moved_was_written_meanwhile(editor: Editor
     editor.restart(Path())
     editor.move(at(2.0), continues=True)
     assert editor.edited == Path((2.0,))
+
+
+def test_undo_is_dead_while_there_is_nothing_to_undo(editor: Editor) -> None:
+    assert editor._undo.disabled
+    editor.move(at(1.0))
+    assert not editor._undo.disabled
+    editor.undo()
+    assert editor._undo.disabled
+    editor.move(at(2.0))
+    editor.restart(Path((5.0,)))
+    assert editor._undo.disabled

@@ -32,7 +32,7 @@ class JointRotations(Stacked):
 
     @staticmethod
     def nothing() -> "JointRotations":
-        """No joint is expected anywhere."""
+        """No predicted joint rotations."""
         return JointRotations(np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)))
 
     def replaced(self, others: "JointRotations") -> "JointRotations":

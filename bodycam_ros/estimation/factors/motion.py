@@ -26,7 +26,7 @@ CONSTANT = 1e-9  # [m^2/s^3] least density: a length that stays wanders by 6 um 
 
 
 class MotionPrior(NamedTuple):
-    """How coordinates move that are not people's.
+    """Motion prior of coordinates that do not belong to the person.
 
     Attributes:
         density: (K) spectral densities of their accelerations; NaN of coordinates that move as people do.

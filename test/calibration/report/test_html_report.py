@@ -62,7 +62,9 @@ def test_the_picture_is_inside_and_nothing_is_fetched_or_run(body: BodyModel, di
     (source,) = [value for name, value in page.attributes if name == "src"]
     assert base64.b64decode(source.removeprefix("data:image/png;base64,")) == body_png(body, diagnosis)
     assert not {"script", "link", "iframe"} & set(page.tags)
-    assert not any(name == "href" or name.startswith("on") for name, _ in page.attributes)
+    assert not any(name.startswith("on") for name, _ in page.attributes)
+    links = [value.removeprefix("#") for name, value in page.attributes if name == "href"]
+    assert links and links == [value for name, value in page.attributes if name == "id"], "contents, of the page alone"
     assert "://" not in text and "url(" not in text
     assert text.index("Content-Security-Policy") < text.index("<style"), "from the first element on"
 
@@ -82,3 +84,13 @@ def test_unknown_figures_and_a_body_without_cameras_are_drawn(body: BodyModel) -
     joint = replace(joint, gap_m=np.nan, sigma_m=unknown)
     strange = CalibrationDiagnosis((joint,), (), (), (0.0, 1.0), 0.0, 10.0, None)
     assert joint.name in [row[0] for row in Page(html_report(replace(body, mounts={}), strange)).rows]
+
+
+def test_a_note_explains_the_columns_that_are_there_and_no_other(body: BodyModel) -> None:
+    good = good_diagnosis(body)
+    cameras = tuple(replace(camera, readout=None, clock_s=None, moved_m=0.0) for camera in good.cameras)
+    without = Page(html_report(body, replace(good, cameras=cameras)))
+    headings = {cell for row in without.rows for cell in row}
+    assert "read-out [ms]" not in headings and "read-out: " not in without.text
+    assert "gap [mm]" in headings and "gap: " in without.text
+    assert "red: see the warnings" not in without.text or good.warnings
