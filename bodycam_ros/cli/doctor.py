@@ -7,6 +7,7 @@ from dataclasses import fields
 
 from rich.table import Table
 from rich.text import Text
+from threadpoolctl import threadpool_limits
 
 from bodycam_ros.cli.options import add_option, add_span, add_topics, given_span, topic_names
 from bodycam_ros.cli.output import STYLES, shown_progress
@@ -51,7 +52,8 @@ def run(arguments: argparse.Namespace) -> int:
     names = [each.name for each in fields(DoctorInput) if each.name not in ("names", "span")]
     values = {name: getattr(arguments, name) for name in names}
     given = DoctorInput(**values, names=topic_names(arguments), span=given_span(arguments))
-    with shown_progress() as progress:
+    # The matrices are many and small: threads of the linear algebra would take more time to wait than to compute.
+    with shown_progress() as progress, threadpool_limits(1, user_api="blas"):
         findings = examine(given, arguments.jobs, progress)
     level = worst_level(findings)
     if arguments.json:

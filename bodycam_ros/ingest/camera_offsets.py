@@ -120,7 +120,10 @@ def camera_times(
     times, causes, remarks = by_sound.times, by_sound.causes, by_sound.remarks
     for by, source in sources.items():
         found, noticed = source(times)
-        remarks += [*noticed, *add_times(by, found, times, causes)]
+        # What a source cannot do for a camera that is placed already changes nothing.
+        useless = tuple(f"camera {name}: " for name in times)
+        remarks += [remark for remark in noticed if not remark.startswith(useless)]
+        remarks += add_times(by, found, times, causes)
     placed = {name: times[name] for name in sounds if name in times}
     reasons = {}
     for name in (name for name in causes if name not in times):
@@ -235,7 +238,7 @@ def _span(seconds: float) -> str:
     return f"{seconds:.1f} s" if seconds >= 1.0 else f"{1e3 * seconds:.0f} ms"
 
 
-_GIVE_OFFSETS = "give the starts of all cameras with --offsets (the others' are in timing.yaml), or record a clap"
+_GIVE_OFFSETS = "record a clap, or give the starts of all cameras with --offsets (timing.yaml has those of the others)"
 
 
 def _reason(cause: str, tried: Collection[str], remarks: Sequence[str]) -> str:

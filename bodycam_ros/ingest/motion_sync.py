@@ -61,9 +61,8 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
             )
         elif camera not in sure:
             remarks.append(
-                f"camera {camera}: its motion has too little in common with that of aligned cameras on its own and "
-                "neighbouring segments, or fits at several offsets nearly alike, so its clock is unknown: record a "
-                "clap near it, or turn the whole body to and fro once"
+                f"camera {camera}: its motion has too little in common with that of the cameras next to it, or fits it "
+                "at several times (turn the whole body to and fro once)"
             )
     times = {
         camera: CameraTime(each.samples / _RATE_HZ, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion", each.confidence)

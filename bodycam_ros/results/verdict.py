@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from enum import IntEnum
@@ -161,6 +162,9 @@ def good(check: str, what: str) -> Finding:
     return Finding("", Level.GOOD, what, part="recording", check=check)
 
 
+_SAME_ENDS = re.compile(r"(\S+) to \1(?!\S)")  # "30.0 to 30.0"
+
+
 def check_limits(cameras: Mapping[str, T], rows: Sequence[LimitCheck[T]]) -> Iterator[Finding]:
     """Findings of the cameras beyond a limit, and the summaries.
 
@@ -175,4 +179,5 @@ def check_limits(cameras: Mapping[str, T], rows: Sequence[LimitCheck[T]]) -> Ite
             if level := limit_level(value, row.doubtful, row.wrong):
                 yield Finding(name, level, row.what.format(value, cameras[name]), remedy=row.remedy, check=row.check)
         if row.summary and values:
-            yield good(row.check, row.summary.format(min(values.values()), max(values.values())))
+            text = row.summary.format(min(values.values()), max(values.values()))
+            yield good(row.check, _SAME_ENDS.sub(r"\1", text))

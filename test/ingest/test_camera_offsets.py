@@ -122,7 +122,7 @@ def test_deaf_and_silent_cameras_are_named_and_the_others_placed() -> None:
 def known(starts: dict[str, float], sigma_s: float = 1e-4) -> dict[str, TimeSource]:
     """A source that knows some starts."""
     times = {n: CameraTime(s, 0.0, sigma_s, 1e-5, "motion", 0.8) for n, s in starts.items()}
-    remarks = ["deaf: fits at two offsets"] if "deaf" in starts else []
+    remarks = ["camera deaf: fits at two offsets", "camera waist: fits nowhere"] if "deaf" in starts else []
     return {"motion": lambda placed: (times, remarks)}
 
 
@@ -134,7 +134,8 @@ def test_another_source_places_a_camera_without_sound() -> None:
     for name, time in offsets.times.items():
         assert abs(time.start_s - (starts[name] - starts[offsets.reference])) < 3e-3
     assert offsets.times["deaf"].source == "motion" and offsets.times["deaf"].confidence == 0.8
-    assert "deaf: fits at two offsets" in offsets.remarks
+    assert "camera deaf: fits at two offsets" in offsets.remarks
+    assert not any("waist" in remark for remark in offsets.remarks), "its sound gives its clock"
 
 
 def test_a_source_that_contradicts_is_left_out_and_named() -> None:
