@@ -182,7 +182,7 @@ def _measure(arguments: argparse.Namespace, name: str) -> None:
             arguments.recording,
             arguments.map,
             initial,
-            StaticCameraFiles(arguments.stations, None, arguments.start, arguments.person),
+            StaticCameraFiles(arguments.stations, None, arguments.start, arguments.person or 1),
             pipeline,
             settings.shape,
             progress.show,

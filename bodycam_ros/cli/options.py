@@ -72,7 +72,7 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
     },
     "--start": {"metavar": "START", "needs": "stations"},
     "--person": {
-        "type": number(int, 1, 20), "default": 1, "metavar": "N", "needs": "start",
+        "type": number(int, 1, 20), "metavar": "N", "needs": "start",
         "help": "with --start auto, or a folder of keypoints: which of the people it is; 1 is the one on whom the most "
         "keypoints of all cameras agree (default: 1)",
     },

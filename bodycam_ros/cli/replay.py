@@ -117,7 +117,7 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     if arguments.stations is not None:
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
-        return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start, arguments.person)
+        return StaticCameraFiles(arguments.stations, arguments.surface, arguments.start, arguments.person or 1)
     if arguments.map is None:
         raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

@@ -103,7 +103,7 @@ def _place(arguments: argparse.Namespace) -> None:
     from bodycam_ros.viewer.placing import PlacingSession, PlacingSources
     from bodycam_ros.viewer.server import LocalServer
 
-    files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start, arguments.person)
+    files = StaticCameraFiles(arguments.stations, arguments.surface, arguments.start, arguments.person or 1)
     output = arguments.output
     sources = PlacingSources(arguments.place, files, arguments.body or arguments.height, arguments.map)
     server = LocalServer(arguments.port, f"bodycam view: {output.name}")

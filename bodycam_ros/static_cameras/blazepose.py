@@ -35,7 +35,7 @@ _DETECTOR_PX, _LANDMARK_PX = 224, 256
 _GRIDS = ((28, 2), (14, 2), (7, 6))
 """Cells along a side of the detector's image, and anchors in each: strides of 8, 16 and three times 32."""
 
-_LEAST_BOX_SCORE = 0.5
+_LEAST_BOX_SCORE = 0.3
 _LEAST_PERSON_SCORE = 0.5
 _ROI_SCALE = 1.25  # of the circle around a person that both networks give
 _HIPS, _CIRCLE = 33, 34  # rows of two landmarks more: the middle of the hips, a point on that circle
