@@ -50,7 +50,7 @@ SurfaceReader = Callable[[BodyModel], Mapping[str, Surface]]
 """Segment -> its surface, of a body as it is corrected now."""
 
 _LANDMARKS = 100_000  # drawn at most
-_LANDMARK_M, _MATCHED_M, _TOUCHING_M = 0.012, 0.03, 0.06
+_LANDMARK_M, _MATCHED_M, _TOUCHING_M = 0.012, 0.03, 0.045
 _AMBIENT = 1.0
 _LINE_PX = 1.0
 _MARGIN_M, _LEAST_M, _MOST_M = 2.0, 10.0, 60.0  # of the floor: around the place; from edge to edge

@@ -19,7 +19,7 @@ WIDTH, HEIGHT = 160, 120
 _ACROSS = 4
 _EDGE_PX = 4  # in the colour of the camera's state
 _BLANK = 227
-_FONT, _FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.5
+_FONT, _LARGEST = cv2.FONT_HERSHEY_SIMPLEX, 0.8  # the page shows an image half as wide
 
 
 class Strip:
@@ -37,6 +37,11 @@ class Strip:
         with panel.add_tab("All cameras"):
             self._image = server.gui.add_image(self._pixels, format="jpeg")
         panel.dock_below(above)
+
+    @property
+    def picture(self) -> NDArray[np.uint8]:
+        """(H, W, 3) as the page shows it."""
+        return np.asarray(self._image.image)
 
     @property
     def is_due(self) -> bool:
@@ -87,6 +92,8 @@ def draw_thumbnail(grey: NDArray[np.uint8] | None, name: str, colour: str) -> ND
         thumbnail[top : top + size[1], left : left + size[0]] = small[..., None]
     cv2.rectangle(thumbnail, (0, 0), (WIDTH - 1, HEIGHT - 1), rgb(colour), _EDGE_PX)
     text = printable(name).replace("_", " ")
-    for ink, width in (((255, 255, 255), 3), ((0, 0, 0), 1)):
-        cv2.putText(thumbnail, text, (7, HEIGHT - 9), _FONT, _FONT_SCALE, ink, width, cv2.LINE_AA)
+    wide = cv2.getTextSize(text, _FONT, 1.0, 1)[0][0]
+    font_scale = min(_LARGEST, (WIDTH - 4 * _EDGE_PX) / max(wide, 1))
+    for ink, width in (((0, 0, 0), 4), ((255, 255, 255), 1)):
+        cv2.putText(thumbnail, text, (2 * _EDGE_PX, HEIGHT - 12), _FONT, font_scale, ink, width, cv2.LINE_AA)
     return thumbnail

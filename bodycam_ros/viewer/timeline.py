@@ -14,11 +14,14 @@ from viser import GuiSliderHandle
 
 from bodycam_ros.files.shown import printable
 from bodycam_ros.results.body_motion import distance_in_time
-from bodycam_ros.results.picture_style import CAUTION, EQUIPMENT, FAINT, side_colour
+from bodycam_ros.results.picture_style import EQUIPMENT, FAINT, side_colour
 from bodycam_ros.results.solved_recording import GAP_FRAMES
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import LOST, REGISTERED
 from bodycam_ros.viewer.server import LocalServer
+
+SOME_LOST = "#d9b13b"
+"""Time at which a camera is registered, and another one is not."""
 
 _COLUMNS = 800  # of a row, at most
 _ROW_PX, _SLIDER_PX, _MOST_ROWS = 15, 92, 8  # more rows are scrolled to
@@ -78,7 +81,7 @@ def timeline_rows(motion: Motion) -> list[Row]:
     if motion.registered:
         near = [distance_in_time(motion.stamps_ns, stamps) <= motion.frame_ns // 2 for stamps in _stamps(motion)]
         count = np.sum(near, axis=0)
-        colours = np.where(count == len(near), REGISTERED, np.where(count == 0, LOST, CAUTION))
+        colours = np.where(count == len(near), REGISTERED, np.where(count == 0, LOST, SOME_LOST))
         rows.append(Row("cameras", colours))
     for contact in motion.contacts:
         colour = EQUIPMENT if contact.points_world is None else side_colour(contact.name)

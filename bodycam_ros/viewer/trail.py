@@ -15,7 +15,8 @@ _NO_JOINT = "none"
 _SECONDS, _MOST_S = 1.0, 60.0
 _PIECES = 600  # drawn at most
 _LINE_PX = 3.0
-_PALE = 0.6  # share of white in what is still to come
+_PALE = 0.5  # share of white in what is still to come
+_GAMMA = 2.2  # the page takes colours of single pieces for linear light
 
 
 class Trail:
@@ -55,9 +56,9 @@ class Trail:
         with self._server.atomic():
             self._line.visible = len(lines) > 0
             if len(lines):
-                colour = np.array(rgb(side_colour(self._joint.value)), float)
-                pale = (1.0 - _PALE) * colour + _PALE * 255.0
-                colours = np.where(is_past[:, None], colour, pale).astype(np.uint8)
+                colour = np.array(rgb(side_colour(self._joint.value))) / 255.0
+                shown = np.where(is_past[:, None], colour, (1.0 - _PALE) * colour + _PALE)
+                colours = np.round(255.0 * shown**_GAMMA).astype(np.uint8)
                 self._line.points = lines.astype(np.float32)
                 self._line.colors = np.repeat(colours[:, None], 2, axis=1)
 
