@@ -44,7 +44,7 @@ CRITERION = (
 """Walking; without it there are no figures."""
 
 MIN_STRIDES_OF_SIDE = 3
-"""Of each side, at least; fewer say nothing about a difference of the sides."""
+"""Strides of each side, at least; fewer say nothing about a difference of the sides."""
 
 _UPPER = 0.975  # quantile at the upper end of a 95 % interval
 _SYMMETRY = ("symmetry_percent", "symmetry_low_percent", "symmetry_high_percent")

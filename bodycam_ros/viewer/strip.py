@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from viser import PanelHandle
 
 from bodycam_ros.camera.camera_image import decode_grey
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import printable
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.picture_style import rgb
@@ -14,7 +15,7 @@ from bodycam_ros.viewer.scene import LOST, REGISTERED, UNKNOWN
 from bodycam_ros.viewer.server import LocalServer
 
 WIDTH, HEIGHT = 160, 120
-"""Of one image [px]."""
+"""Size of one image [px]."""
 
 _ACROSS = 4
 _EDGE_PX = 4  # in the colour of the camera's state
@@ -58,27 +59,24 @@ class Strip:
         self._index, self._due = index, list(self._cameras)
 
     def read_next(self) -> None:
-        """Read one image that is due; the picture changes with the last one.
-
-        Raises:
-            RecordingError: it cannot be decoded; the others still can.
-        """
+        """Read one image that is due; the picture changes with the last one. A damaged image is named in its place."""
         camera = self._due.pop(0)
         row, column = divmod(self._cameras.index(camera), _ACROSS)
         place = self._pixels[row * HEIGHT : (row + 1) * HEIGHT, column * WIDTH : (column + 1) * WIDTH]
-        try:
-            place[:] = self._thumbnail(camera)
-        finally:
-            if not self._due:
-                self._image.image = self._pixels.copy()
+        place[:] = self._thumbnail(camera)
+        if not self._due:
+            self._image.image = self._pixels.copy()
 
     def _thumbnail(self, camera: str) -> NDArray[np.uint8]:
         motion, index = self._motion, self._index
         colour = UNKNOWN
         if camera in motion.registered:
             colour = LOST if motion.registered_at(camera, index) is None else REGISTERED
-        image = self._footage.image_at(camera, int(motion.stamps_ns[index]), motion.frame_ns // 2)
-        return draw_thumbnail(None if image is None else decode_grey(image), camera, colour)
+        try:
+            image = self._footage.image_at(camera, int(motion.stamps_ns[index]), motion.frame_ns // 2)
+            return draw_thumbnail(None if image is None else decode_grey(image), camera, colour)
+        except RecordingError:  # its message is shown where the camera is chosen
+            return draw_thumbnail(None, f"{camera}: damaged", colour)
 
 
 def draw_thumbnail(grey: NDArray[np.uint8] | None, name: str, colour: str) -> NDArray[np.uint8]:

@@ -14,8 +14,8 @@ from bodycam_ros.viewer.server import Action, LocalServer
 _NO_JOINT = "none"
 _SECONDS, _MOST_S = 1.0, 60.0
 _PIECES = 600  # drawn at most
-_LINE_PX = 3.0
-_PALE = 0.5  # share of white in what is still to come
+_LINE_PX = 4.0
+_PALE = 0.25  # share of white in what is still to come
 _GAMMA = 2.2  # the page takes colours of single pieces for linear light
 
 
