@@ -15,8 +15,8 @@ ROS = {"rclpy", "builtin_interfaces", "bodycam_msgs", "ament_index_python", "lau
 MESSAGES = re.compile(r"\w+_(msgs|srvs|interfaces)")
 
 
-OTHER_NAMES = {"pinocchio": "pin", "coal": "coal"}
-"""Modules -> distributions of which Python's records do not say it: they are in a folder of their own."""
+OTHER_NAMES = {"pinocchio": "pin", "coal": "coal", "ai_edge_litert": "ai-edge-litert"}
+"""Modules -> distributions of which Python's records do not say it: in a folder of their own, or not installed."""
 
 USED_BY_OTHERS = {
     "daqp": "the solver that pin-pink is given by name",

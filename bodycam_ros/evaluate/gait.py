@@ -19,9 +19,9 @@ from scipy.stats import t
 from bodycam_ros.evaluate.anatomical_angles import planes_of
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.figures import GaitFigures, GaitMeasure
-from bodycam_ros.evaluate.sliding import feet_of, sole_of
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.solved_recording import SolvedRecording
+from bodycam_ros.results.stances import feet_of, sole_of
 
 _PROMINENCE_M = 0.08
 """Distance by which a foot is ahead in its swing, at least, of where it was before and after."""

@@ -1,7 +1,7 @@
 """Joint angles in the sagittal plane over the gait cycle: mean and spread over the strides of each side.
 
 Signs are those of the ISB (Wu et al. 2002, 2005): flexion, and dorsiflexion of the ankle, are positive. Zero is the
-N-pose. The angles are those of ``anatomical_angles``, not Cardan angles; in the sagittal plane the two differ little.
+N-pose. The angles are those of ``anatomical_angles``, not Cardan angles.
 """
 
 from collections.abc import Mapping, Sequence

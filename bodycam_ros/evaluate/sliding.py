@@ -1,102 +1,43 @@
 """How far feet slide in stance.
 
-A foot stands on its heel, on its ball or on both. A stance is a time for which one of the two rests: it is slow, near
-the lowest level at which feet rest, for a tenth of a second. It slides by the horizontal distance of the point from its
-mean place in the stance; its path, the sum over all frames, is longer.
+A stance (``results.stances``) slides by the horizontal distance of the point from its mean place in the stance; its
+path, the sum over all frames, is longer.
 
 Against the truth the stances are those of the true foot, which is not quite still: people in motion capture slide, too.
 The error of its place moves by the same measure, beyond what the true foot does.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import sole_points
-from bodycam_ros.estimation.contact import FEET
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.figures import SlidingFigures
-from bodycam_ros.geometry import Array, transform_points
+from bodycam_ros.geometry import Array
 from bodycam_ros.results.solved_recording import SolvedRecording
-
-_SHORTEST_NS = 100_000_000
-_FIRM_NS = 200_000_000
-"""A stance this long is on the floor and gives its level; a foot may turn back in the air."""
+from bodycam_ros.results.stances import Stance, feet_of, find_stances, sole_of
 
 ALL = "all"
 """All feet together."""
-
-_MAX_HEIGHT_M = 0.1  # of a stance over the lowest one: pedals are higher
-_REST_SPEED, _LEAVE_SPEED = 0.03, 0.06
-"""A stance begins below the first and ends above the second [m/s]: 1 and 2 mm from image to image at 30 Hz. True feet
-in stance creep by up to 1 mm; faster ones roll or step."""
-
-Stance = tuple[int, int, int]
-"""Point of the sole, heel 0 or ball 1, first frame, and the one after the last."""
 
 
 def sliding_figures(solved: SolvedRecording, comparison: Comparison | None) -> dict[str, SlidingFigures]:
     """Foot, and ``ALL`` -> figures of its sliding; empty without feet."""
     soles = {foot: sole_of(solved, foot, solved.world_T_link[foot]) for foot in feet_of(solved)}
-    figures = _measure(soles, _stances(soles, solved.stamps_ns, solved.longest_step_ns), solved.stamps_ns)
+    figures = _measure(soles, find_stances(soles, solved.stamps_ns, solved.longest_step_ns), solved.stamps_ns)
     if comparison is None:
         return figures
     inside = np.isin(solved.stamps_ns, comparison.stamps_ns)
     segments = comparison.true_segments
     true = {foot: sole_of(solved, foot, segments[foot]) for foot in soles if foot in segments}
-    stances = _stances(true, comparison.stamps_ns, solved.longest_step_ns)
+    stances = find_stances(true, comparison.stamps_ns, solved.longest_step_ns)
     errors = {foot: soles[foot][inside] - true[foot] for foot in true}
     for name, points in (("true_mean_mm", true), ("beyond_mean_mm", errors)):
         for foot, measured in _measure(points, stances, comparison.stamps_ns).items():
             figures[foot] = msgspec.structs.replace(figures[foot], **{name: measured.mean_mm})
     return figures
-
-
-def feet_of(solved: SolvedRecording) -> list[str]:
-    """Feet, whose size is known by their parents' length."""
-    return [foot for foot in FEET if foot in solved.parents]
-
-
-def sole_of(solved: SolvedRecording, foot: str, world_T_foot: Array) -> Array:
-    """Heel and ball (T, 2, 3) in the world [m]."""
-    ends = solved.world_T_link[foot][:, :3, 3] - solved.world_T_link[solved.parents[foot]][:, :3, 3]
-    return transform_points(world_T_foot, sole_points(float(np.median(np.linalg.norm(ends, axis=1)))))
-
-
-def _stances(soles: Mapping[str, Array], stamps_ns: NDArray[np.int64], gap_ns: float) -> dict[str, list[Stance]]:
-    """Stances of each foot on the common floor."""
-    levels: dict[str, dict[Stance, float]] = {
-        foot: {
-            (point, first, last): float(np.median(sole[first:last, point, 2]))
-            for point in range(sole.shape[1])
-            for first, last in _rests(sole[:, point], stamps_ns, gap_ns)
-        }
-        for foot, sole in soles.items()
-    }
-    floors = (
-        level
-        for each in levels.values()
-        for (_, first, last), level in each.items()
-        if level < _MAX_HEIGHT_M and stamps_ns[last - 1] - stamps_ns[first] >= _FIRM_NS
-    )
-    highest = _MAX_HEIGHT_M + min(floors, default=0.0)
-    return {foot: [stance for stance, level in each.items() if level < highest] for foot, each in levels.items()}
-
-
-def _rests(place: Array, stamps_ns: NDArray[np.int64], gap_ns: float) -> Iterator[tuple[int, int]]:
-    """First frame, and the one after the last, of each time for which a point (T, 3) rests."""
-    speeds = np.linalg.norm(np.diff(place, axis=0), axis=1) / (1e-9 * np.diff(stamps_ns))
-    speeds[np.diff(stamps_ns) > gap_ns] = np.inf
-    first: int | None = None
-    for step, speed in enumerate([*speeds, np.inf]):
-        if first is None and speed < _REST_SPEED:
-            first = step
-        elif first is not None and speed >= _LEAVE_SPEED:
-            if stamps_ns[step] - stamps_ns[first] >= _SHORTEST_NS:
-                yield first, step + 1
-            first = None
 
 
 def _measure(

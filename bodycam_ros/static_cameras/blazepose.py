@@ -5,7 +5,7 @@ square around the person). What their numbers mean is in MediaPipe's graphs (Apa
 v0.10.21): ``modules/pose_detection/pose_detection_cpu.pbtxt``, ``modules/pose_landmark/tensors_to_pose_landmarks_and_
 segmentation.pbtxt``, ``pose_detection_to_roi.pbtxt``, ``pose_landmarks_to_roi.pbtxt``; Bazarevsky et al. 2020.
 
-The detector knows one or two large people, so an image is searched whole and in overlapping squares.
+The detector knows people who take about half of its image, so an image is searched whole and in overlapping squares.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,12 +35,13 @@ _DETECTOR_PX, _LANDMARK_PX = 224, 256
 _GRIDS = ((28, 2), (14, 2), (7, 6))
 """Cells along a side of the detector's image, and anchors in each: strides of 8, 16 and three times 32."""
 
-_LEAST_BOX_SCORE = 0.5
+_LEAST_BOX_SCORE = 0.3
 _LEAST_PERSON_SCORE = 0.5
 _ROI_SCALE = 1.25  # of the circle around a person that both networks give
 _HIPS, _CIRCLE = 33, 34  # rows of two landmarks more: the middle of the hips, a point on that circle
 _SAME_BOX = 0.3  # share of their union that two boxes have in common
 _SAME_PERSON = 0.15  # of the larger one's extent: mean distance of landmarks of one person found twice
+_WHOLE = (1.0, 1.5)  # of the image's larger side: somebody who fills the image is not found without a margin
 _TILES = (1.0, 0.6)  # of the image's smaller side: squares that are searched besides the whole image
 _TILE_STEP = 0.5
 _MOST_PEOPLE = 8
@@ -203,9 +204,11 @@ def _anchors() -> Array:
 
 
 def _tiles(width: int, height: int) -> Iterator[tuple[float, float, float]]:
-    """Squares (left, above, side) that are searched [px]: one about the whole image, then some that overlap."""
+    """Squares (left, above, side) that are searched [px]: two about the whole image, then some that overlap."""
     longer, shorter = max(width, height), min(width, height)
-    yield 0.5 * (width - longer), 0.5 * (height - longer), float(longer)
+    for share in _WHOLE:
+        side = share * longer
+        yield 0.5 * (width - side), 0.5 * (height - side), side
     for share in _TILES:
         side = share * shorter
         counts = [1 + int(np.ceil((length - side) / (_TILE_STEP * side) - 1e-9)) for length in (width, height)]

@@ -19,6 +19,7 @@ from bodycam_ros.messages.poses import transform_from_pose
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.results.body_motion import nearest
 from bodycam_ros.results.solved_body import read_solved_body
+from bodycam_ros.viewer.contacts import Contact, find_contacts
 
 _POSE, _POSE_TYPE = "/pose", "geometry_msgs/msg/PoseWithCovarianceStamped"
 _FRAME_NS = 33_333_333  # of a motion with a single state
@@ -37,6 +38,7 @@ class Motion:
             cameras of which the recording has them.
         equipment: lines of the recording's equipment that is not in the body file, over the T states.
         unplaced: states at which the equipment's pose is unknown.
+        contacts: feet on the floor, and attachments to equipment.
     """
 
     stamps_ns: NDArray[np.int64]
@@ -46,6 +48,7 @@ class Motion:
     registered: Mapping[str, tuple[NDArray[np.int64], Array]]
     equipment: tuple[Bone, ...] = ()
     unplaced: frozenset[int] = frozenset()
+    contacts: tuple[Contact, ...] = ()
 
     @classmethod
     def standing(cls, body: BodyModel) -> "Motion":
@@ -72,10 +75,17 @@ class Motion:
 
     def segments_at(self, body: BodyModel, index: int) -> Array:
         """Poses world_T_segment (S, 4, 4) [m] of a body with this motion, in the order of its segments."""
+        return np.asarray(self._segments(body, slice(index, index + 1))[0])
+
+    def segments(self, body: BodyModel) -> Array:
+        """Poses world_T_segment (T, S, 4, 4) [m] of a body with this motion at all states."""
+        return self._segments(body, slice(None))
+
+    def _segments(self, body: BodyModel, states: slice) -> Array:
         joint_angles = JointAngles(body)
         column = {name: column for column, name in enumerate(self.angle_names)}
-        angles = self.angles[index, [column[name] for name in joint_angles.names]]
-        return joint_angles.forward_kinematics(self.world_T_root[index], angles)
+        angles = self.angles[states][:, [column[name] for name in joint_angles.names]]
+        return joint_angles.forward_kinematics(self.world_T_root[states], angles)
 
     def equipment_at(self, index: int) -> list[Bone]:
         """The lines of equipment at one state; none while its pose is unknown."""
@@ -136,4 +146,5 @@ def read_motion(path: Path, body: BodyModel) -> Motion:
         registered={camera: in_order(poses[camera]) for camera in body.mounts} if cameras else {},
         equipment=tuple(bone for bone in solved.bones() if bone.is_equipment) if beside else (),
         unplaced=frozenset(np.flatnonzero(~solved.placed).tolist()),
+        contacts=find_contacts(solved),
     )

@@ -12,8 +12,9 @@ from viser import GuiSliderHandle, uplot
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.results.picture_style import INK, LEFT, RIGHT, side_colour
 from bodycam_ros.viewer.motion import Motion
-from bodycam_ros.viewer.scene import LOST, REGISTERED, SELECTED, UNKNOWN
+from bodycam_ros.viewer.scene import CONTACTS, LOST, REGISTERED, SELECTED, TOUCHING, UNKNOWN
 from bodycam_ros.viewer.server import Action, LocalServer, set_value
+from bodycam_ros.viewer.timeline import SOME_LOST, Timeline
 
 _SPEEDS = {"1x": 1.0, "1/2x": 0.5, "1/4x": 0.25, "1/8x": 0.125}
 _STEP_S, _DECIMALS = 0.001, 3
@@ -24,6 +25,8 @@ _BLANK = np.full((12, 16, 3), 227, np.uint8)
 
 _PARTS = ((LEFT, "left"), (RIGHT, "right"), (SELECTED, "selected"))
 _CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera lost"))
+_TIMELINE = ((SOME_LOST, "some lost (timeline)"),)
+_CONTACTS = ((TOUCHING, "a foot rests"),)
 _UNKNOWN = ((UNKNOWN, "camera"),)
 
 _HELP = "keys: space plays, ← → step, shift + ← → leap, Home and End; A W S D Q E ↑ ↓ move the view"
@@ -54,11 +57,12 @@ class TimePanel:
         self.is_playing = False
         moves = self._duration_s > 0.0
         gui = server.gui
+        if moves:
+            slider = Timeline(server, motion, max(round(self._duration_s, _DECIMALS), _STEP_S)).slider
         with gui.add_folder("Time"):
-            # A slider needs a length; that of a single state cannot be moved.
-            self._slider: GuiSliderHandle[float] = gui.add_slider(
-                "seconds", 0.0, max(round(self._duration_s, _DECIMALS), _STEP_S), _STEP_S, 0.0, disabled=not moves
-            )
+            if not moves:  # a slider needs a length
+                slider = gui.add_slider("seconds", 0.0, _STEP_S, _STEP_S, 0.0, disabled=True)
+            self._slider: GuiSliderHandle[float] = slider
             self._button = gui.add_button("Play", disabled=not moves)
             speed = gui.add_dropdown("speed", tuple(_SPEEDS), disabled=not moves)
             self._loop = gui.add_checkbox("loop", True, disabled=not moves)
@@ -159,10 +163,13 @@ def add_switches(
     has_registrations: bool,
 ) -> None:
     """Add a checkbox for each layer (its name, and whether it is shown), and a legend."""
+    rows = [_PARTS, *([_CAMERAS, _TIMELINE] if has_registrations else [_UNKNOWN])]
+    if CONTACTS in layers:
+        rows[-1] += _CONTACTS
     with server.gui.add_folder("Show"):
         for layer, visible in layers.items():
             server.on_input(server.gui.add_checkbox(layer, visible), partial(switch, layer))
-        server.gui.add_html(_legend(_PARTS, _CAMERAS if has_registrations else _UNKNOWN))
+        server.gui.add_html(_legend(*rows))
 
 
 def _legend(*rows: tuple[tuple[str, str], ...]) -> str:
@@ -171,7 +178,7 @@ def _legend(*rows: tuple[tuple[str, str], ...]) -> str:
     return f'<div style="font-size:0.75em;padding:0.1em 0.9em 0.5em;line-height:1.6">{"<br>".join(lines)}</div>'
 
 
-_PANEL_PX = 330
+_PANEL_PX, _ASPECT = 330, 1.7
 _COLUMNS = 600  # of a curve, at most
 
 _MEANS = {"y": "bends", "x": "sideways", "z": "twists"}
@@ -182,7 +189,11 @@ _FIRST_JOINT = "knee"
 
 
 class CurvePanel:
-    """Shows the curves of one joint, of both sides if it has two, and a line through them at the time shown."""
+    """Shows the curves of one joint, of both sides if it has two, and a line through them at the time shown.
+
+    Attributes:
+        panel: at the left edge of the page.
+    """
 
     def __init__(self, server: LocalServer, motion: Motion) -> None:
         rows = np.linspace(0, len(motion.stamps_ns) - 1, min(_COLUMNS, len(motion.stamps_ns))).astype(int)
@@ -190,15 +201,15 @@ class CurvePanel:
         self._names, self._groups = motion.angle_names, joint_groups(motion.angle_names)
         self._now_s = 0.0
         gui = server.gui
-        panel = gui.add_panel()
-        with panel.add_tab("Over time"):
+        self.panel = gui.add_panel()
+        with self.panel.add_tab("Over time"):
             self._joint = gui.add_dropdown("joint", tuple(self._groups) or ("none",))
             if _FIRST_JOINT in self._groups:
                 set_value(self._joint, _FIRST_JOINT)
             data, series = self._curves()
-            self._plot = gui.add_uplot(data, series, scales={"x": uplot.Scale(time=False)}, aspect=1.0)
-        panel.dock_left()
-        panel.set_width(_PANEL_PX)
+            self._plot = gui.add_uplot(data, series, scales={"x": uplot.Scale(time=False)}, aspect=_ASPECT)
+        self.panel.dock_left()
+        self.panel.set_width(_PANEL_PX)
         server.on_input(self._joint, lambda _: self._draw(), "joint")
 
     def show(self, seconds: float) -> None:

@@ -23,6 +23,7 @@ from bodycam_ros.results.camera_picture import GOOD, CameraPicture, draw_picture
 from bodycam_ros.results.footage import Footage
 from bodycam_ros.results.picture_style import EQUIPMENT, QUIET, WARNING, rgb, side_colour
 from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
+from bodycam_ros.viewer.contacts import touching_at
 from bodycam_ros.viewer.correction import Part
 from bodycam_ros.viewer.motion import Motion, mounted_camera
 from bodycam_ros.viewer.server import LocalServer
@@ -37,16 +38,19 @@ REGISTERED, LOST, UNKNOWN = "#2c7f78", WARNING, QUIET
 SELECTED = "#f2c200"
 """The part that is being moved; no side of the body, no state of a camera and no axis is yellow."""
 
+TOUCHING = "#3fae2a"
+"""Where a foot rests on the floor; nothing else is green."""
+
 GRID_FINE, GRID = "#e3e7ea", "#b9c1c8"
 
-MAP, CAMERAS, SURFACE, NAMES = "map", "cameras", "surface", "names"
+MAP, CAMERAS, SURFACE, NAMES, CONTACTS = "map", "cameras", "surface", "names", "contacts"
 """Layers that a person can hide."""
 
 SurfaceReader = Callable[[BodyModel], Mapping[str, Surface]]
 """Segment -> its surface, of a body as it is corrected now."""
 
 _LANDMARKS = 100_000  # drawn at most
-_LANDMARK_M, _MATCHED_M = 0.012, 0.03
+_LANDMARK_M, _MATCHED_M, _TOUCHING_M = 0.012, 0.03, 0.045
 _AMBIENT = 1.0
 _LINE_PX = 1.0
 _MARGIN_M, _LEAST_M, _MOST_M = 2.0, 10.0, 60.0  # of the floor: around the place; from edge to edge
@@ -105,9 +109,11 @@ class Scene:
         self._index, self._world_T_segment = 0, motion.segments_at(body, 0)
         self._selected: Part | None = None
         self._drawn: BodyModel | None = None  # whose surface is in the scene
-        self._nodes: dict[str, list[Any]] = {layer: [] for layer in (MAP, CAMERAS, SURFACE, NAMES)}
+        self._nodes: dict[str, list[Any]] = {layer: [] for layer in (MAP, CAMERAS, SURFACE, NAMES, CONTACTS)}
         if reference_map is None:
             del self._nodes[MAP]
+        if not any(contact.points_world is not None for contact in motion.contacts):
+            del self._nodes[CONTACTS]
         self.layers = {layer: layer != NAMES for layer in self._nodes}
         # Following the body moves the world past it: a browser's own camera stays under its user's hands.
         self._world = self._scene.add_frame(WORLD, show_axes=False)
@@ -136,6 +142,12 @@ class Scene:
                 self._scene.add_line_segments(name, lines, rgb(colour), thickness=_LINE_PX, thickness_units="screen")
         self._matched = self._add_points("matched", np.zeros((1, 3)), rgb(GOOD), _MATCHED_M)
         self._matched.visible = False
+        # Beneath a frame that a person hides: whether something touches changes with the time.
+        contacts = self._scene.add_frame(f"{WORLD}/{CONTACTS}", show_axes=False)
+        self._touching = self._add_points(f"{CONTACTS}/touching", np.zeros((1, 3)), rgb(TOUCHING), _TOUCHING_M)
+        self._touching.visible = False
+        if CONTACTS in self._nodes:
+            self._nodes[CONTACTS] = [contacts]
 
     def _add_body(self) -> None:
         body, scene = self._body, self._scene
@@ -212,6 +224,10 @@ class Scene:
                 rod.visible = bool(lines)
                 if lines:
                     _stretch(rod, lines[number].start[0], lines[number].end[0])
+            touching = touching_at(motion.contacts, index)
+            self._touching.visible = len(touching) > 0
+            if len(touching):
+                self._touching.points = touching.astype(np.float32)
             self._colour()
 
     def pose(self, world_T_segment: Array) -> None:

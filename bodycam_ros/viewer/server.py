@@ -118,13 +118,15 @@ class LocalServer(viser.ViserServer):
             self._queue.append((instead_of, action))
             self._changed.notify()
 
-    def act(self, timeout_s: float | None = None) -> None:
-        """Do the oldest action in the queue, or wait for one (None: without end)."""
+    def act(self, timeout_s: float | None = None) -> bool:
+        """Do the oldest action in the queue, or wait for one (None: without end); False if there was none."""
         with self._changed:
             self._changed.wait_for(lambda: bool(self._queue), timeout_s)
             action = self._queue.pop(0)[1] if self._queue else None
-        if action is not None:
-            action()
+        if action is None:
+            return False
+        action()
+        return True
 
     def when_pressed(self, action: Action) -> Callable[[object], Coroutine[Any, Any, None]]:
         """What viser is to call when a person presses a button or key, or clicks a node: it puts the action."""

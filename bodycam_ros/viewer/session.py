@@ -15,9 +15,14 @@ from bodycam_ros.viewer.panels import CurvePanel, PicturePanel, TimePanel, add_s
 from bodycam_ros.viewer.scene import Scene, segment_name, surface_reader
 from bodycam_ros.viewer.server import LocalServer, Page
 from bodycam_ros.viewer.sources import Sources
+from bodycam_ros.viewer.strip import Strip
+from bodycam_ros.viewer.trail import Trail
 
 _FRAME_S = 1.0 / 30.0
 """Between two pictures of a recording that is being played."""
+
+_REST_S = 0.25
+"""After which nobody moves the time: then the images of all cameras are read."""
 
 _NO_PART = "nothing"
 
@@ -60,6 +65,10 @@ class Session(Page):
         self._footage = None if sources.recording is None else Footage(sources.recording, sources.solved)
         self._curves = CurvePanel(server, motion) if len(motion.stamps_ns) > 1 else None
         self._picture = PicturePanel(server, sources.cameras, self._choose_camera)
+        self._strip = None
+        if self._footage is not None and self._curves is not None:
+            self._strip = Strip(server, sources.cameras, self._footage, motion, self._curves.panel)
+        self._trail = Trail(server, motion, sources.body, self._show_state) if len(motion.stamps_ns) > 1 else None
         add_switches(server, self._scene.layers, self._scene.show_layer, has_registrations=bool(motion.registered))
         self._choose_camera(next(iter(sources.cameras), None))
         self._show_correction()
@@ -67,9 +76,13 @@ class Session(Page):
 
     def step(self) -> None:
         """Do what a person asks for next, or show the next picture of a recording that is being played."""
-        self.server.act(_FRAME_S if self._time.is_playing else None)
         if self._time.is_playing:
+            self.server.act(_FRAME_S)
             self._time.advance()
+        elif self._strip is None or not self._strip.is_due:
+            self.server.act()
+        elif not self.server.act(0.0 if self._strip.is_begun else _REST_S):
+            self._strip.read_next()
 
     @property
     def unwritten(self) -> str:
@@ -86,6 +99,10 @@ class Session(Page):
         self._scene.show(self._index, follow=self._time.follows)
         if self._curves is not None:
             self._curves.show(self._time.seconds)
+        if self._trail is not None:
+            self._trail.show(self._index)
+        if self._strip is not None:
+            self._strip.show(self._index)
         self._show_picture()
 
     def _show_picture(self) -> None:
@@ -122,6 +139,8 @@ class Session(Page):
         """Show the body as it is corrected now."""
         correction, part = self._editor.edited, self._selected
         self._scene.reshape(correction.body)
+        if self._trail is not None:
+            self._trail.reshape(correction.body)
         self._show_state()
         if part is None:
             self._editor.show(_NO_PART)

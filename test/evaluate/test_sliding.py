@@ -5,33 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.known_walk import FRAME_NS, FRAMES, START_NS, Walk, walking_body, write_solved, write_truth
+from helpers.known_walk import FRAME_NS, STANDS, standing, write_solved, write_truth
 
-from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.sliding import ALL
-from bodycam_ros.geometry import Array, rigid
 
-STANDS = 31
-SHIN_M = 0.4
 CREEP = 0.02  # [m/s]
 SPAN_M = CREEP * (STANDS - 1) * 1e-9 * FRAME_NS
 MEAN_M = 0.25 * SPAN_M * (1.0 + 1.0 / STANDS)
 """Mean of the distances from the middle, at an odd number of even steps."""
-
-
-def standing(speed: float, height: float = 0.0) -> Walk:
-    """A body that stands for a second, at a speed all the same, and then glides away at 1 m/s."""
-    body = walking_body()
-    seconds = 1e-9 * FRAME_NS * np.arange(FRAMES)
-    stands = seconds[STANDS - 1]
-    x = speed * np.minimum(seconds, stands) + np.maximum(seconds - stands, 0.0)
-    ankle_to_sole = -sole_points(SHIN_M)[0, 2]
-    root = np.column_stack([0.6 * x, 0.8 * x, np.full(FRAMES, 2 * SHIN_M + ankle_to_sole + height)])
-    poses = rigid(np.tile(np.eye(3), (FRAMES, 1, 1)), root)
-    still: Array = np.tile(np.eye(3), (FRAMES, len(body.tree_joints), 1, 1))
-    return Walk(body, START_NS + FRAME_NS * np.arange(FRAMES, dtype=np.int64), body.forward_kinematics(poses, still))
 
 
 def test_a_foot_that_creeps_slides_by_a_quarter_of_its_way(tmp_path: Path) -> None:

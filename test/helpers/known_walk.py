@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel, CameraMount
+from bodycam_ros.body.body_model import BodyModel, CameraMount, sole_points
 from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.body_state import BodyOutput, BodyState, BodyUncertainty
 from bodycam_ros.camera import camera_from_info
@@ -34,6 +34,11 @@ ROOT_SIGMA_RAD, ROOT_SIGMA_M = 1e-3, 2e-3  # per axis
 LANDMARKS, TRACKS = 20, 25
 LOST: dict[str, tuple[int, ...]] = {"waist": (), "shin": (10, 11, 12, 40)}
 """Camera -> frames without a pose."""
+
+STANDS = 31
+"""Frames for which ``standing`` stands."""
+
+_SHIN_M = 0.4
 
 PARENTS = {"torso": "pelvis", "thigh_left": "pelvis", "shin_left": "thigh_left", "foot_left": "shin_left"}
 
@@ -241,3 +246,16 @@ def _matches(
         camera, stamp_ns, 0, ids, ids, pixels.astype(np.float32), points_world, world_T_camera if known else None,
         np.eye(6), np.eye(3), 0,
     )  # fmt: skip
+
+
+def standing(speed: float, height: float = 0.0) -> Walk:
+    """A body that stands for a second, at a speed all the same, and then glides away at 1 m/s."""
+    body = walking_body()
+    seconds = 1e-9 * FRAME_NS * np.arange(FRAMES)
+    stands = seconds[STANDS - 1]
+    x = speed * np.minimum(seconds, stands) + np.maximum(seconds - stands, 0.0)
+    ankle_to_sole = -sole_points(_SHIN_M)[0, 2]
+    root = np.column_stack([0.6 * x, 0.8 * x, np.full(FRAMES, 2 * _SHIN_M + ankle_to_sole + height)])
+    poses = rigid(np.tile(np.eye(3), (FRAMES, 1, 1)), root)
+    still: Poses = np.tile(np.eye(3), (FRAMES, len(body.tree_joints), 1, 1))
+    return Walk(body, START_NS + FRAME_NS * np.arange(FRAMES, dtype=np.int64), body.forward_kinematics(poses, still))

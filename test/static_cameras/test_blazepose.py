@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import BodyError
+from bodycam_ros.formats.keypoints import JOINTS
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras import blazepose
 from bodycam_ros.static_cameras.blazepose import LANDMARKS, PoseDetector, decode_boxes, suppress_boxes
@@ -112,3 +114,20 @@ def test_without_the_extra_it_is_said_what_to_install(monkeypatch: pytest.Monkey
     with pytest.raises(BodyError) as refused:
         PoseDetector.installed()
     assert 'pip install "bodycam_ros[pose]" && pip install --no-deps mediapipe==0.10.21' in str(refused.value)
+
+
+def test_the_installed_networks_find_a_rendered_cyclist() -> None:
+    try:
+        detector = PoseDetector.installed()
+    except BodyError as error:
+        pytest.skip(str(error))
+    picture = read_image_file(PICTURE, cv2.IMREAD_COLOR)[563:1036, 492:966]  # of the fourth camera
+    people = detector.detect(picture)
+    assert len(people) == 1
+    by_eye = {
+        "LShoulder": (745, 680), "RShoulder": (672, 678), "LElbow": (775, 735), "LHip": (715, 780), "RHip": (660, 780),
+        "LKnee": (755, 822), "RKnee": (663, 880), "LAnkle": (705, 890), "RAnkle": (660, 965),
+    }  # fmt: skip
+    found = {joint: people[0][JOINTS.index(joint), :2] + [492.0, 563.0] for joint in by_eye}
+    off = {joint: float(np.linalg.norm(found[joint] - at)) for joint, at in by_eye.items()}
+    assert max(off.values()) < 25.0, off

@@ -83,7 +83,7 @@ def test_a_grey_image_loses_the_tracks_and_a_new_one_finds_others(camera: Camera
 def test_wrong_size_and_stamps_that_do_not_advance_are_named(camera: CameraModel, panorama: np.ndarray) -> None:
     tracker = FeatureTracker(camera)
     image = look(panorama, camera, turn(0))
-    with naming(RecordingError, "fisheye", "200x100", "320x240"):
+    with naming(RecordingError, "fisheye", "200 x 100", "320 x 240"):
         tracker.track(np.zeros((100, 200), np.uint8), STEP_NS)
     tracker.track(image, 5 * STEP_NS)
     with naming(RecordingError, "fisheye"):

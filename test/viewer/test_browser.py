@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers.view_in_browser import BrowserView, served
+from helpers.view_in_browser import WINDOW, BrowserView, served
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_file import read_body
@@ -16,7 +16,7 @@ from bodycam_ros.results.picture_style import rgb, side_colour
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.editor import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion
-from bodycam_ros.viewer.scene import REGISTERED, SELECTED
+from bodycam_ros.viewer.scene import REGISTERED, SELECTED, TOUCHING
 from bodycam_ros.viewer.viewpoint import FIELD_OF_VIEW, OpeningView, points_to_see
 
 pytestmark = pytest.mark.long
@@ -229,3 +229,39 @@ def test_without_a_bag_the_body_stands_and_what_is_not_written_is_said(
         view.page.get_by_text("camera head: 20.0 mm, 0.00 deg").wait_for()
     assert running.errors == f"bodycam: not written to {body_file}: camera head\nbodycam: interrupted\n"
     assert body_file.read_bytes() == before
+
+
+def test_the_timeline_takes_the_whole_width_and_covers_nothing(view: BrowserView) -> None:
+    panel = view.page.locator("[data-floating-window]:has(.bodycam-timeline)")
+    box = panel.bounding_box()
+    assert box is not None
+    assert (box["x"], box["width"], box["y"] + box["height"]) == (0.0, WINDOW[0], WINDOW[1])
+    _, top, _, height = view.canvas()
+    assert top + height <= box["y"]
+    track, rows = (
+        panel.locator(each).first.bounding_box() for each in (".mantine-Slider-track", "svg[viewBox='0 0 1 1']")
+    )
+    assert track is not None and rows is not None
+    ends = [(each["x"], each["x"] + each["width"]) for each in (track, rows)]
+    assert np.allclose(*ends, atol=4.0), "a span is beneath the slider's place at its time"
+
+    view.page.set_viewport_size({"width": 1000, "height": 600})
+    view.wait_until(lambda: (panel.bounding_box() or {})["width"] == 1000, "as wide as the smaller window")
+
+
+def test_a_trail_and_contacts_are_drawn_and_hidden(view: BrowserView) -> None:
+    left, top, width, height = view.canvas()
+    columns, rows = np.meshgrid(np.arange(left, left + width, 2), np.arange(top, top + height, 2))
+    everywhere = np.stack([columns.ravel(), rows.ravel()], axis=1)
+
+    def pixels(colour: tuple[int, int, int]) -> float:
+        return share(view.picture(), everywhere, colour) * len(everywhere)
+
+    none = pixels(rgb(TOUCHING))  # landmarks may be green, too
+    view.enter("seconds", "0.1")
+    view.wait_until(lambda: pixels(rgb(TOUCHING)) > none + 30, "feet at rest are marked")
+    view.page.get_by_role("checkbox", name="contacts").uncheck()
+    view.wait_until(lambda: pixels(rgb(TOUCHING)) < none + 15, "no marks")
+    before = pixels(RIGHT)
+    view.choose("trail of", "ankle_right")
+    view.wait_until(lambda: pixels(RIGHT) > before + 15, "the way of the joint")

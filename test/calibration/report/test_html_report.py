@@ -8,7 +8,7 @@ from helpers.known_calibration import calibrated_body, good_diagnosis, worrying_
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
-from bodycam_ros.evaluate.body_report import body_png, html_report
+from bodycam_ros.evaluate.body_report import _BONES_NOTE, _CAMERAS_NOTE, _JOINTS_NOTE, body_png, html_report
 
 VOID = {"meta", "img"}
 
@@ -90,7 +90,15 @@ def test_a_note_explains_the_columns_that_are_there_and_no_other(body: BodyModel
     good = good_diagnosis(body)
     cameras = tuple(replace(camera, readout=None, clock_s=None, moved_m=0.0) for camera in good.cameras)
     without = Page(html_report(body, replace(good, cameras=cameras)))
-    headings = {cell for row in without.rows for cell in row}
-    assert "read-out [ms]" not in headings and "read-out: " not in without.text
-    assert "gap [mm]" in headings and "gap: " in without.text
-    assert "red: see the warnings" not in without.text or good.warnings
+    headings = {cell.split(" [")[0] for row in without.rows for cell in row}
+    notes = {*_JOINTS_NOTE.items(), *_BONES_NOTE.items(), *_CAMERAS_NOTE.items()}
+    explained = {name for name, note in notes if f"{name}: {note}" in without.text}
+    assert explained == {name for name, _ in notes if name in headings}
+    assert "gap" in explained and not {"read-out", "clock"} & explained
+
+
+def test_the_picture_explains_red_only_where_something_is_red(body: BodyModel, diagnosis: CalibrationDiagnosis) -> None:
+    good = good_diagnosis(body)
+    assert not good.warnings and diagnosis.warnings
+    assert "red: see the warnings" not in Page(html_report(body, good)).text
+    assert "red: see the warnings" in Page(html_report(body, diagnosis)).text
