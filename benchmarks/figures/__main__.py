@@ -99,6 +99,7 @@ def measurements(mode: str) -> Iterator[Measurement]:
                 yield Measurement(f"{name} {surface}", partial(static_cameras.rendered, name=name, surface=surface))
             yield Measurement(f"{name} starts", partial(unnamed_errors.unnamed_errors, name=name))
         yield Measurement("pose2sim starts", unnamed_errors.pose2sim)
+        yield Measurement("five static cameras", unnamed_errors.five_cameras)
         yield Measurement("static cameras and bicycle", static_cameras.rider)
         yield Measurement("pose2sim", real_person.pose2sim)
         yield Measurement("wrong lens", partial(faulty_cameras.wrong_lens, walk=walk))

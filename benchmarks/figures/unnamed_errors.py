@@ -7,15 +7,20 @@ from pathlib import Path
 import numpy as np
 import yaml
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from benchmarks.figures.bench import Bench
+from benchmarks.figures.command import bodycam
 from benchmarks.figures.figure import Figure
 from benchmarks.figures.real_person import JOINTS, against_markers, write_bag
-from benchmarks.figures.score import Result, Score, score
+from benchmarks.figures.score import Result, Score, Truth, score
 
 STARTS = 30
 _START_M = 0.001
 _FAR_CM, _TURNED_DEG = 15.0, 60.0
+_LEFT_OUT, _BEGIN_S, _LONG_S = ((5, 6), (0, 3), (1, 4)), (0.0, 1.0), 3.0  # cameras, and pieces of a recording
+_HEIGHT_M = 1.75
+_PLACED_M, _PLACED_RAD = 0.017, 0.06  # sigmas of a start, in each axis
 _EDGE_S = 0.1  # around a named span: findings round times to a tenth of a second
 
 Mask = NDArray[np.bool_]
@@ -47,6 +52,40 @@ def pose2sim(bench: Bench, starts: int = STARTS) -> Iterator[Figure]:
         wrong = dict(zip([each for each in JOINTS if each in result.links], (off_cm > _FAR_CM).T, strict=True))
         counts.append(_count(wrong, seconds, ran.output))
     yield from _figures(group, counts)
+
+
+def five_cameras(bench: Bench) -> Iterator[Figure]:
+    """The same of pieces of ``dev_outside_board`` by five of its cameras, with a body measured from outside."""
+    recording, stations = bench.recording("dev_outside_board"), "external/cameras.yaml"
+    truth, cameras = Truth.read(recording), yaml.safe_load((recording / stations).read_text())
+    board = np.array(yaml.safe_load((recording / "truth/board.yaml").read_text())["T_world_board"], float)
+    body, start, fewer = (bench.work / f"five_cameras.{name}.yaml" for name in ("body", "start", "cameras"))
+    given = ("--stations", recording / stations, "--start", recording / "external/start.yaml", "--height", _HEIGHT_M)
+    bodycam("body", recording / "bag", *given, "-o", body, "--force")
+    for left_out in _LEFT_OUT:
+        kept = [name for number, name in enumerate(sorted(cameras)) if number not in left_out]
+        fewer.write_text(yaml.safe_dump({name: cameras[name] for name in kept}))
+        for begin_s in _BEGIN_S:
+            group = f"dev_outside_board without cameras {left_out[0]} and {left_out[1]}, from {begin_s:.0f} s"
+            seed = int(10 * begin_s) + left_out[0]
+            start.write_text(yaml.safe_dump(_placed(truth, begin_s, board, seed)))
+            piece = ("--from", begin_s, "--to", begin_s + _LONG_S, "--slim", "--force")
+            ran = bench.replay(group, recording / "bag", body, "--stations", fewer, "--start", start, *piece)
+            far, unnamed = large_errors(score(bench.out(group), recording), ran.output)
+            yield Figure(f"{group}: segments over 15 cm or 60 deg off, in all states", far)
+            yield Figure(f"{group}: of these without a finding", unnamed)
+
+
+def _placed(truth: Truth, begin_s: float, world_T_board: NDArray[np.float64], seed: int) -> dict[str, list[float]]:
+    """Segments as a person would place them: x, y, z [m] and quaternion x, y, z, w in the board's frame."""
+    random, placed = np.random.default_rng(seed), {}
+    to_board = Rotation.from_matrix(world_T_board[:3, :3]).inv()
+    for segment in truth.places:
+        position, turned = truth.at(truth.seconds[:1] + begin_s, segment)
+        where = to_board.apply(position[0] - world_T_board[:3, 3]) + random.normal(0.0, _PLACED_M, 3)
+        how = to_board * turned[0] * Rotation.from_rotvec(random.normal(0.0, _PLACED_RAD, 3))
+        placed[segment] = [*where.tolist(), *how.as_quat().tolist()]
+    return placed
 
 
 def _figures(group: str, counts: list[tuple[int, int]]) -> Iterator[Figure]:

@@ -10,6 +10,7 @@ from bodycam_ros.results.verdict import Finding, Level
 
 _MIN_SHARE = 0.5  # of the states, in which static cameras should observe a segment that carries no camera
 _MIN_SPAN_S = 0.25  # of an unsupported segment; shorter ones pass before they move anything
+_LATE = 10  # states after which a loss is noticed: support is smoothed over as many
 _WRONG_SPAN_S, _WRONG_SHARE = 1.0, 0.15  # of an unsupported segment, from which on a result is wrong
 _MISPLACED_SHARE = 0.25  # of the states
 _MAX_SPANS = 3  # that are listed
@@ -64,10 +65,11 @@ class StaticCameraLog:
         for segment, unsupported in self._unsupported.items():
             rows = np.array(sorted(unsupported))
             runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-            spans = [(float(s), float(e)) for s, e in (seconds[run[[0, -1]]] for run in runs) if e - s >= _MIN_SPAN_S]
-            if segment not in wanted or not spans:
+            runs = [run for run in runs if seconds[run[-1]] - seconds[run[0]] >= _MIN_SPAN_S]
+            if segment not in wanted or not runs:
                 continue
-            lengths = [end_s - start_s for start_s, end_s in spans]
+            lengths = [float(seconds[run[-1]] - seconds[run[0]]) for run in runs]
+            spans = [(seconds[max(run[0] - _LATE, 0)], seconds[run[-1]]) for run in runs]
             is_wrong = max(lengths) > _WRONG_SPAN_S or sum(lengths) > _WRONG_SHARE * float(seconds[-1])
             when = ", ".join(f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans[:_MAX_SPANS])
             when += f" and {len(spans) - _MAX_SPANS} times more" if len(spans) > _MAX_SPANS else ""

@@ -313,12 +313,13 @@ class RegionTracker:
             view = self.views[name]
             contour = view.propagate_contour(fit.contours[name], fit.poses)
             view.update_colours(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.has_colours))
+        unsupported = self._support.false | self._support.unseen | agreed.far_from(fit.poses)
         return StaticMeasurement(
             {name: self._evidence(fit.before, regions, seen[name]) for name, regions in fit.measured.items()},
             fit.poses,
             {name: regions.confidence for name, regions in fit.measured.items()},
             frozenset(np.flatnonzero(jumped).tolist()),
-            frozenset(np.flatnonzero((self._support.false | agreed.far_from(fit.poses)) & ~on_body).tolist()),
+            frozenset(np.flatnonzero(unsupported & ~on_body).tolist()),
             misplaced,
             surface_variances(self.body),
             agreed.keypoints,

@@ -77,11 +77,15 @@ class SegmentSupport:
 
     Attributes:
         unconfirmed: (S,) segments that were searched for, and that the images have not confirmed since.
+        unseen: (S,) segments that the first images did not show, and that none has confirmed since: they are where the
+            start has them, and colours that are learned there may be those of what is behind them.
     """
 
     def __init__(self, body: BodyModel) -> None:
         self._ends = body.joint_ends
         self.unconfirmed = np.zeros(len(body.segments), bool)
+        self.unseen = np.zeros(len(body.segments), bool)
+        self._began = False
         self._smoothed = np.full(len(body.segments), np.nan)
         kinds = np.array([SegmentName(segment).kind for segment in body.segments])
         pairs = [(a, b) for a, b in body.joint_ends.tolist() if _OUTER.get(kinds[b]) == kinds[a]]
@@ -93,9 +97,12 @@ class SegmentSupport:
 
     def update(self, support: Array) -> None:
         """Add the support (S,) in a frame."""
+        if not self._began:
+            self.unseen, self._began = np.isnan(support) & ~self._beside, True
         before = np.where(np.isnan(self._smoothed), support, self._smoothed)
         self._smoothed = np.where(np.isnan(support), before, before + _RATE * (support - before))
-        self.unconfirmed = self.unconfirmed & ~(self._smoothed >= CONFIRMED)
+        confirmed = self._smoothed >= CONFIRMED
+        self.unconfirmed, self.unseen = self.unconfirmed & ~confirmed, self.unseen & ~confirmed
 
     @property
     def false(self) -> Mask:

@@ -23,10 +23,12 @@ def test_what_is_supported_is_no_finding() -> None:
     assert not list(StaticCameraLog().findings(ALL))
 
 
-def test_a_lost_segment_is_named_with_its_time() -> None:
+def test_a_lost_segment_is_named_from_when_its_support_began_to_fall() -> None:
     (finding,) = log({"forearm_left": range(20, 50)}).findings(ALL)
     assert (finding.subject, finding.part, finding.level) == ("forearm_left", "segment", Level.WRONG)
-    assert numbers(finding.what) == [2.0, 4.9]
+    assert numbers(finding.what) == [1.0, 4.9]
+    (finding,) = log({"forearm_left": range(3, 50)}).findings(ALL)
+    assert numbers(finding.what) == [0.0, 4.9]
 
 
 def test_a_short_loss_makes_a_result_doubtful_and_a_blink_nothing() -> None:

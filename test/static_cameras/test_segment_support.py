@@ -30,5 +30,22 @@ def test_hidden_segment_leaves_the_judgement_to_the_other(hidden: str) -> None:
     assert _lost(**{hidden: np.nan, other: 0.6}) == set()
 
 
+def test_segment_that_the_first_images_hide_is_unseen_until_images_confirm_it() -> None:
+    judged, row = SegmentSupport(BODY), BODY.segment_index["forearm_right"]
+    unseen = []
+    for support in (np.nan, 0.5, *[0.9] * 10):
+        judged.update(np.where(np.arange(len(BODY.segments)) == row, support, 0.8))
+        unseen.append(set(np.flatnonzero(judged.unseen).tolist()))
+    assert unseen[:4] == [{row}] * 4, "one image of ten confirms nothing"
+    assert unseen[-1] == set()
+
+
+def test_segment_that_is_hidden_later_is_not_unseen() -> None:
+    judged = SegmentSupport(BODY)
+    judged.update(np.full(len(BODY.segments), 0.8))
+    judged.update(np.full(len(BODY.segments), np.nan))
+    assert not judged.unseen.any()
+
+
 def test_upper_arm_that_is_lost_takes_its_arm_along() -> None:
     assert _lost(upper_arm_left=0.3) == {"upper_arm_left", "forearm_left", "hand_left"}
