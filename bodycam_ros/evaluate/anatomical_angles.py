@@ -8,10 +8,11 @@ limb points the opposite way, and the swing needs no more than the two ends of a
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from bodycam_ros.body.segment_name import JOINT_ABOVE, RIGHT, SegmentName
+from bodycam_ros.body.segment_name import JOINT_ABOVE, LEFT, RIGHT, SegmentName
 from bodycam_ros.evaluate.figures import JointFigures, PlaneFigures, spread
 from bodycam_ros.geometry import Array, exp_so3, log_so3, nearest_rotation
 
@@ -23,7 +24,14 @@ _WITHIN = 1.96  # standard deviations on either side that 95 % lie within
 _ORDER = tuple(JOINT_ABOVE)
 _BENDS_BACKWARDS = ("shin",)
 _TRUNK = ("torso", "head")
-_LIMBS = (("torso", "upper_arm", "forearm", "hand"), ("pelvis", "thigh", "shin", "foot"))
+_ARM, _LEG = ("torso", "upper_arm", "forearm", "hand"), ("pelvis", "thigh", "shin", "foot")
+_LIMBS = _ARM, _LEG
+
+LEG_JOINTS = tuple(JOINT_ABOVE[segment] for segment in _LEG[1:])
+"""Hip, knee, ankle."""
+
+LEGS = frozenset(f"{segment}{side}" for segment in _LEG[1:] for side in (LEFT, RIGHT)) | {_LEG[0]}
+"""The segments that these joints lie between, of both sides."""
 
 
 def planes_of(segment: str, parent_R_child: Array) -> Array:
@@ -34,6 +42,24 @@ def planes_of(segment: str, parent_R_child: Array) -> Array:
     swing = _swing(-parent_R_child[:, :, 2])
     twist = log_so3(_transposed(exp_so3(swing)) @ parent_R_child)[:, 2]
     return _signed(segment, swing, twist)
+
+
+def flexion_angles(world_T_segment: Mapping[str, Array]) -> dict[tuple[str, str], Array]:
+    """(joint, side) -> flexion (T,) [deg] of limbs, as ("knee", "left"), where both segments are known.
+
+    Args:
+        world_T_segment: segment -> (T, 4, 4) [m].
+    """
+    found = {}
+    for limb in _LIMBS:
+        for side in (LEFT, RIGHT):
+            names = [limb[0], *(f"{segment}{side}" for segment in limb[1:])]
+            for above, below in pairwise(names):
+                if {above, below} <= set(world_T_segment):
+                    world_R_above, world_R_below = (world_T_segment[name][:, :3, :3] for name in (above, below))
+                    planes = planes_of(below, _transposed(world_R_above) @ world_R_below)
+                    found[JOINT_ABOVE[SegmentName(below).kind], side[1:]] = np.degrees(np.unwrap(planes[:, 0]))
+    return found
 
 
 def _swing(direction: Array) -> Array:

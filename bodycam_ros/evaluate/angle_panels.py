@@ -6,13 +6,15 @@ from pathlib import Path
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from bodycam_ros.evaluate.anatomical_angles import LEG_JOINTS, flexion_angles
 from bodycam_ros.evaluate.figures import CycleFigures
 from bodycam_ros.evaluate.gait import MIN_STRIDES_OF_SIDE, SIDES, Stride
-from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, JOINTS, OF_WALKING, CycleAngle, cycle_angles, flexion_angles
+from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, CycleAngle, cycle_angles
 from bodycam_ros.geometry import Array
 from bodycam_ros.results import picture_style as style
 from bodycam_ros.results.solved_recording import SolvedRecording
 
+_JOINTS = (*LEG_JOINTS, "shoulder", "elbow")
 _WIDTH, _HEIGHT = 5.0, 3.2  # [in] of a panel
 _SIDE_COLOURS = {"left": style.LEFT, "right": style.RIGHT}
 _BAND_ALPHA = 0.2
@@ -26,7 +28,7 @@ def solved_angles(solved: SolvedRecording) -> dict[tuple[str, str], Array]:
 
 def solved_cycles(solved: SolvedRecording, strides: tuple[Stride, ...]) -> dict[tuple[str, str], CycleAngle]:
     """(joint, side) -> its angle over the strides of the solved body; empty without strides."""
-    angles = {key: angle for key, angle in solved_angles(solved).items() if key[0] in OF_WALKING}
+    angles = {key: angle for key, angle in solved_angles(solved).items() if key[0] in LEG_JOINTS}
     return cycle_angles(solved.seconds(solved.stamps_ns), angles, strides)
 
 
@@ -56,7 +58,7 @@ def draw_angles(solved: SolvedRecording, strides: tuple[Stride, ...], path: Path
         OSError: the file cannot be written.
     """
     angles, cycles = solved_angles(solved), solved_cycles(solved, strides)
-    joints = [joint for joint in JOINTS if any((joint, side) in (cycles or angles) for side in SIDES)]
+    joints = [joint for joint in _JOINTS if any((joint, side) in (cycles or angles) for side in SIDES)]
     if not joints:
         return False
     columns = min(3, len(joints))

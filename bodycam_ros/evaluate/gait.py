@@ -7,7 +7,6 @@ overground walking using kinematic data"). In between the foot must rest: a foot
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 from scipy.stats import t
 
-from bodycam_ros.evaluate.anatomical_angles import planes_of
+from bodycam_ros.evaluate.anatomical_angles import LEG_JOINTS, LEGS, flexion_angles
 from bodycam_ros.evaluate.comparison import Comparison
 from bodycam_ros.evaluate.figures import GaitFigures, GaitMeasure
 from bodycam_ros.geometry import Array
@@ -33,7 +32,6 @@ _SMOOTH_S = 1.0  # over which the direction of walking is averaged
 _STILL_SPEED = 0.1  # [m/s] below it, ahead is where the pelvis faces
 _HEEL, _BALL = 0, 1
 SIDES = ("left", "right")
-_PARENTS = {"hip": ("thigh", "pelvis"), "knee": ("shin", "thigh"), "ankle": ("foot", "shin")}
 
 _MIN_STRIDES, _MIN_LENGTH_M, _MIN_SPEED = 3, 0.3, 0.2
 _SHORTEST_S, _LONGEST_S = 0.5, 2.5
@@ -76,7 +74,7 @@ MEASURES: Mapping[str, tuple[str, bool]] = {
     "stance_percent": ("stance [%]", True),
     "double_support_percent": ("double support [%]", False),
     "clearance_cm": ("clearance of the ball [cm]", True),
-    **{f"{joint}_range_deg": (f"{joint}, range [deg]", True) for joint in _PARENTS},
+    **{f"{joint}_range_deg": (f"{joint}, range [deg]", True) for joint in LEG_JOINTS},
 }
 """Key of a figure -> its name with the unit, and whether it is the same on both sides of a healthy person."""
 
@@ -93,11 +91,7 @@ class Walk:
         self.step_s = float(np.median(np.diff(seconds)))
         self.pelvis = world_T_segment["pelvis"][:, :3, 3]
         self.ahead = self._direction(world_T_segment["pelvis"])
-        self.angles = {}
-        for (joint, (child, parent)), side in product(_PARENTS.items(), SIDES):
-            above = world_T_segment[parent if parent == "pelvis" else f"{parent}_{side}"][:, :3, :3]
-            rotations = np.swapaxes(above, 1, 2) @ world_T_segment[f"{child}_{side}"][:, :3, :3]
-            self.angles[joint, side] = np.degrees(planes_of(f"{child}_{side}", rotations)[:, 0])
+        self.angles = flexion_angles(world_T_segment)
         self.contacts, self.releases, self.rests = {}, {}, {}
         for side, sole in soles.items():
             reach = ((sole - self.pelvis[:, None]) * self.ahead[:, None]).sum(axis=2)
@@ -155,7 +149,7 @@ class Walk:
             "stance_percent": 100.0 * (release_s - start_s) / duration,
             "double_support_percent": 100.0 * self._double_support_s(other, start_s, release_s) / duration,
             "clearance_cm": 100.0 * self._clearance(side, start_s, release_s, end_s),
-            **{f"{joint}_range_deg": float(np.ptp(self.angles[joint, side][inside])) for joint in _PARENTS},
+            **{f"{joint}_range_deg": float(np.ptp(self.angles[joint, side][inside])) for joint in LEG_JOINTS},
         }
         return Stride(side, start_s, end_s, values)
 
@@ -202,8 +196,7 @@ def find_strides(
         soles: side -> (T, 2, 3) heel and ball [m].
         longest_step_s: states further apart have a gap between them [s].
     """
-    needed = {"pelvis", *(f"{child}_{side}" for child, _ in _PARENTS.values() for side in SIDES)}
-    if not needed <= set(world_T_segment) or set(soles) != set(SIDES) or len(seconds) < 5:
+    if not set(world_T_segment) >= LEGS or set(soles) != set(SIDES) or len(seconds) < 5:
         return ()
     walk = Walk(seconds, world_T_segment, soles)
     tried = [walk.stride(side, start_s, longest_step_s) for side in SIDES for start_s in walk.contacts[side].tolist()]

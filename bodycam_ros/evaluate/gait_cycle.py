@@ -9,28 +9,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bodycam_ros.evaluate.anatomical_angles import planes_of
-from bodycam_ros.evaluate.gait import SIDES, Stride
+from bodycam_ros.evaluate.gait import Stride
 from bodycam_ros.geometry import Array
 
 CYCLE_PERCENT: Array = np.linspace(0.0, 100.0, 101)
 """(101,) from a contact of a foot to its next [% of the stride]."""
 
-JOINTS: Mapping[str, tuple[str, str]] = {
-    "hip": ("thigh", "pelvis"),
-    "knee": ("shin", "thigh"),
-    "ankle": ("foot", "shin"),
-    "shoulder": ("upper_arm", "torso"),
-    "elbow": ("forearm", "upper_arm"),
-}
-"""Joint -> the segments below and above it, without their sides."""
-
 CONVENTION = (
     "flexion (of the ankle: dorsiflexion) is positive, as the ISB has it (Wu et al. 2002, 2005); zero is the N-pose"
 )
-
-OF_WALKING = ("hip", "knee", "ankle")
-_TRUNK = ("pelvis", "torso")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,22 +45,6 @@ class CycleAngle:
         """The least flexion of the mean [deg], and where it is [% of the stride]."""
         at = int(self.mean.argmin())
         return float(self.mean[at]), float(CYCLE_PERCENT[at])
-
-
-def flexion_angles(world_T_segment: Mapping[str, Array]) -> dict[tuple[str, str], Array]:
-    """(joint, side) -> flexion (T,) [deg], of the joints of which both segments are known.
-
-    Args:
-        world_T_segment: segment -> (T, 4, 4) [m].
-    """
-    found = {}
-    for joint, (child, parent) in JOINTS.items():
-        for side in SIDES:
-            below, above = f"{child}_{side}", parent if parent in _TRUNK else f"{parent}_{side}"
-            if {below, above} <= set(world_T_segment):
-                above_R_below = np.swapaxes(world_T_segment[above][:, :3, :3], 1, 2) @ world_T_segment[below][:, :3, :3]
-                found[joint, side] = np.degrees(np.unwrap(planes_of(below, above_R_below)[:, 0]))
-    return found
 
 
 def cycle_angles(

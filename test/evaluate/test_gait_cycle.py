@@ -5,8 +5,9 @@ import pytest
 from helpers.known_gait import KnownGait
 from scipy.stats import t
 
+from bodycam_ros.evaluate.anatomical_angles import flexion_angles
 from bodycam_ros.evaluate.gait import MEASURES, Stride, find_strides, gait_figures
-from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, cycle_angles, flexion_angles
+from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, cycle_angles
 from bodycam_ros.geometry import exp_so3, rigid
 
 STEP_S = 0.04
