@@ -24,6 +24,9 @@ SOME_LOST = "#d9b13b"
 """Time at which a camera is registered, and another one is not."""
 
 _COLUMNS = 800  # of a row, at most
+_WORSE = {"": -1, SOME_LOST: 1, LOST: 2}
+"""Rank of a colour among those of one column, which has the first of the highest rank; 0 of all others."""
+
 _ROW_PX, _SLIDER_PX, _MOST_ROWS = 15, 92, 8  # more rows are scrolled to
 _STEP_S = 0.001
 _TOUCHING = 1e-9  # spans that are no further apart are one
@@ -110,14 +113,18 @@ def rows_html(rows: Sequence[Row], motion: Motion) -> str:
 
 
 def spans_of(row: Row, motion: Motion) -> list[tuple[float, float, str]]:
-    """Start and end, as shares of the time shown, of each span of one colour; a gap of time belongs to none."""
+    """Start and end, as shares of the time shown, of each span of one colour; a gap of time belongs to none.
+
+    A column of many states has the worst of their colours: a camera that is lost in one of them is not hidden.
+    """
     at = np.linspace(0, len(motion.stamps_ns) - 1, min(_COLUMNS, len(motion.stamps_ns))).astype(int)
+    colours = [max(each.tolist(), key=lambda colour: _WORSE.get(colour, 0)) for each in np.split(row.colours, at[1:])]
     share = motion.seconds[at] / motion.seconds[-1]
     steps = np.diff(share)
     half = 0.5 * np.minimum(steps, GAP_FRAMES * np.median(steps))
     starts, ends = share - np.append(0.0, half), share + np.append(half, 0.0)
     spans: list[tuple[float, float, str]] = []
-    for start, end, colour in zip(starts.tolist(), ends.tolist(), row.colours[at].tolist(), strict=True):
+    for start, end, colour in zip(starts.tolist(), ends.tolist(), colours, strict=True):
         if not colour:
             continue
         if spans and spans[-1][2] == colour and start - spans[-1][1] < _TOUCHING:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from helpers.known_walk import walking_body
 
+from bodycam_ros.results.picture_style import LEFT
 from bodycam_ros.viewer.contacts import Contact
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import LOST, REGISTERED
@@ -48,6 +49,16 @@ def test_a_long_recording_has_a_bounded_row() -> None:
     motion = motion_at(list(range(20_000)))
     flickers = Row("x", np.where(np.arange(20_000) % 3 == 0, "#111111", ""))
     assert 0 < len(spans_of(flickers, motion)) <= 800
+
+
+def test_what_lasts_for_one_state_is_seen_in_a_long_recording() -> None:
+    motion = motion_at(list(range(20_000)))
+    colours = np.full(20_000, REGISTERED)
+    colours[[5001, 9001, 9002]] = LOST, SOME_LOST, LOST
+    touches = np.full(20_000, "", dtype="<U7")
+    touches[7001] = LEFT
+    shown = [[colour for *_, colour in spans_of(Row("x", each), motion)] for each in (colours, touches)]
+    assert shown == [[REGISTERED, LOST, REGISTERED, LOST, REGISTERED], [LEFT]]
 
 
 @pytest.mark.parametrize("name", ["<script>window.ran=1</script>", '"><img src=x onerror="window.ran=1">', "a & {b}"])
