@@ -43,7 +43,8 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.quality.static_camera_findings import StaticCameraLog
 from bodycam_ros.quality.unsolved_findings import unsolved_findings
-from bodycam_ros.recording.bag_reader import open_recording, read_imus
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.extend import extend_map

@@ -28,7 +28,7 @@ from bodycam_ros.mapping.moving_camera import MovingCamera, open_body_cameras, v
 from bodycam_ros.mapping.photographs import BOARD_FILE, Photographs, find_photographs
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import is_bag
-from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.reference_map import ReferenceMap, check_replaceable
 from bodycam_ros.replaying.extend import registered_poses
 

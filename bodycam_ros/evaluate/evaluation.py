@@ -27,7 +27,7 @@ from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.quality.equipment_findings import equipment_findings
 from bodycam_ros.quality.judge import judge
 from bodycam_ros.quality.sensor_checks import MIN_SAMPLES
-from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.provenance import Provenance

@@ -30,8 +30,8 @@ from bodycam_ros.nodes.parameters import STAGE_DEPTH, NodeParameters, latched, m
 from bodycam_ros.nodes.process import spin
 from bodycam_ros.nodes.stage_node import Diagnostics, frame_prefix
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.recording.bag_reader import sensor_topics
 from bodycam_ros.recording.bag_writer import is_latched
+from bodycam_ros.recording.imu_reader import sensor_topics
 from bodycam_ros.recording.topic_names import TopicNames
 from bodycam_ros.recording.typestore import recording_typestore
 

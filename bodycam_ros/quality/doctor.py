@@ -38,7 +38,7 @@ from bodycam_ros.quality.sampled_recording import (
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.quality.video_checks import check_videos
 from bodycam_ros.recording.bag_file import is_bag
-from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_file import SUFFIXES as VIDEO_SUFFIXES

@@ -1,4 +1,4 @@
-"""The cameras of a recording: their intrinsics, their images in time order, and samples of their inertial sensors."""
+"""The cameras of a recording: their intrinsics, and their images in time order."""
 
 import logging
 import math
@@ -17,11 +17,10 @@ from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, check_imag
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.files.shown import few, other_than
-from bodycam_ros.inertial.imu_samples import ImuSamples
 from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_model, image_stamp_ns
-from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.imu_reader import sensor_topics
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
 
@@ -367,37 +366,3 @@ def _in_order_of_names(images: Iterable[CameraImage]) -> Iterator[CameraImage]:
 
 def _stands_alone(image: CameraImage) -> bool:
     return not isinstance(image.content, VideoPacket) or image.content.is_key
-
-
-def sensor_topics(bag: BagFile, cameras: Collection[str], required: bool = True) -> dict[str, str]:
-    """Topic -> camera, of cameras whose inertial sensor is in a bag.
-
-    Raises:
-        RecordingError: none is, though one is required.
-    """
-    expected = {f"/{camera}{IMU_TOPIC}": camera for camera in sorted(cameras)}
-    topics = {topic: camera for topic, camera in expected.items() if bag.topics.get(topic) == IMU_TYPE}
-    if required and not topics:
-        raise RecordingError(
-            f"{bag.path}: has no inertial sensor of the cameras; expected topics {', '.join(expected)} ({IMU_TYPE})"
-        )
-    return topics
-
-
-def read_imus(
-    paths: Iterable[Path], cameras: Collection[str], names: TopicNames = AS_RECORDED
-) -> dict[str, ImuSamples]:
-    """Camera -> samples of its sensor, of cameras that have one in any of the bags; the first bag counts.
-
-    Raises:
-        RecordingError: a bag cannot be read, or one beside the first has no sensor of these cameras.
-    """
-    found: dict[str, ImuSamples] = {}
-    for number, path in enumerate(paths):
-        with BagFile(path, names) as bag:
-            topics = sensor_topics(bag, {*cameras} - {*found}, required=number > 0)
-            rows: dict[str, list[tuple[int, tuple[float, ...]]]] = {camera: [] for camera in topics.values()}
-            for topic, _, message in bag.messages(topics):
-                rows[topics[topic]].append(imu_row(message))
-        found |= {camera: ImuSamples.from_rows(each) for camera, each in rows.items()}
-    return found

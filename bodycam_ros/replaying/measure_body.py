@@ -18,7 +18,8 @@ from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.formats.read_captured import read_start
 from bodycam_ros.inertial.imu_calibrator import RegisteredSensors
 from bodycam_ros.pipeline.settings import PipelineSettings
-from bodycam_ros.recording.bag_reader import open_recording, read_imus
+from bodycam_ros.recording.bag_reader import open_recording
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.reference_map import load_map

@@ -23,8 +23,9 @@ from bodycam_ros.pipeline.sensors import camera_turns, unused_sensors
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.camera_poses import CameraPoseLog
-from bodycam_ros.recording.bag_reader import Recording, open_recording, read_imus
+from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
 from bodycam_ros.replaying.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
 from bodycam_ros.replaying.extend import ExtensionRound, extend_map

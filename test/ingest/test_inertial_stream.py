@@ -12,7 +12,7 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import exp_so3
 from bodycam_ros.recording.bag_file import BagFile
-from bodycam_ros.recording.bag_reader import read_imus
+from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.recording.telemetry import inertial_samples, stabilisation
 
 RATE_HZ = 200.0
