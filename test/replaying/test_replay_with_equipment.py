@@ -95,7 +95,8 @@ def test_without_equipment_there_is_no_such_topic(sample: Path, bag: Path, tmp_p
 @pytest.mark.parametrize(
     ("given", "text", "complaint"),
     [
-        ("unicycle", None, "equipment unicycle: none of that name is supplied; "),
+        ("unicycle", None, "equipment unicycle: none of that name is supplied; did you mean bicycle?"),
+        ("trampoline", None, "equipment trampoline: none of that name is supplied; there are barbell, bicycle,"),
         ("mine.yaml", None, "mine.yaml: cannot read this equipment file: No such file"),
         ("mine.yaml", "name: mine", "mine.yaml: an equipment file: table missing required field root"),
         (

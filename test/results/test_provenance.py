@@ -38,7 +38,12 @@ def test_one_file_tells_what_it_was_made_from(sample: Path, sample_out: Path) ->
     assert metadata["bodycam_ros"]["numpy"] == np.__version__
     assert metadata["map"] == map_record(reference_map, sample / "map")
     assert metadata["map"]["identity"] == str(map_identity(reference_map))
-    assert metadata["body"].items() >= {"name": "subject", "identity": body_identity(body)}.items()
+    assert metadata["body"] == {
+        "name": "subject",
+        "identity": body_identity(body),
+        "measured_in_name": metadata["map"]["name"],
+        "measured_in_identity": metadata["map"]["identity"],
+    }
     assert metadata["recording"] == {
         "name": "bag",
         "start_ns": "1700000001000000000",
