@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.segment_name import JOINT_ABOVE, LEFT, RIGHT
 from bodycam_ros.estimation.factors.joint_keypoints import JointKeypoints
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.static_cameras.static_camera import StaticCamera
@@ -22,8 +23,8 @@ SIGMA_M = 0.04
 FAR_M = 0.15
 """From a joint of the body to where cameras agree that it is [m], from which on it was lost."""
 
-_KINDS = {"Shoulder": "upper_arm", "Elbow": "forearm", "Wrist": "hand", "Hip": "thigh", "Knee": "shin", "Ankle": "foot"}
-_SIDES = {"L": "left", "R": "right"}
+_KINDS = {joint.capitalize(): kind for kind, joint in JOINT_ABOVE.items()}
+_SIDES = {"L": LEFT, "R": RIGHT}
 _NEAR_M = 1.0  # from the predicted body, as a length at its distance, from which on a person is another
 
 People = Sequence[Array]
@@ -79,7 +80,7 @@ class KeypointEvidence:
         joints: Sequence[str],
         people: Mapping[str, Mapping[int, People]],
     ) -> None:
-        names = [f"{_KINDS[joint[1:]]}_{_SIDES[joint[0]]}" for joint in joints]
+        names = [_KINDS[joint[1:]] + _SIDES[joint[0]] for joint in joints]
         self._rows = np.array([body.segment_index.get(name, -1) for name in names], np.int64)
         self._stations, self._people = stations, people
         self._numbers = {name: number for number, name in enumerate(stations)}
