@@ -1,5 +1,6 @@
 """A motion captured by another system: named points, and rotations of bones if it has them."""
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.results.body_motion import interpolated
+from bodycam_ros.results.solved_recording import GAP_FRAMES
+
+logger = logging.getLogger(__name__)
 
 MOST_BYTES = 1_000_000_000
 """Largest size of a file: an hour of 100 markers at 100 Hz has 0.9 GB."""
@@ -46,8 +50,9 @@ class CapturedMotion:
 
     @property
     def frame_ns(self) -> float:
-        """Median time between two frames [ns]."""
-        return float(np.median(np.diff(self.stamps_ns)))
+        """Mean time between two frames without a gap [ns]: times may be rounded, to milliseconds or coarser."""
+        steps = np.diff(self.stamps_ns)
+        return float(steps[steps <= GAP_FRAMES * np.median(steps)].mean())
 
     @property
     def duration_s(self) -> float:
@@ -115,6 +120,23 @@ class CapturedMotion:
             times = seconds[seen]
             curves[name] = times, scipy.interpolate.CubicSpline(times, points[seen]) if len(times) >= 2 else None
         return curves
+
+
+def own_times(path: Path, times: Array | NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Which rows (K,) of a file have another time than the row before; a warning counts those that do not.
+
+    Simulations write their last state twice, and trackers a pose that they found anew.
+    """
+    own: NDArray[np.bool_] = np.diff(times, prepend=times[:1] - 1) != 0
+    if not own.all():
+        logger.warning(
+            "%s: %d of its %d rows have the time of the row before, the first of them row %d; they are left out",
+            path,
+            len(own) - int(own.sum()),
+            len(own),
+            int(np.argmin(own)) + 1,
+        )
+    return own
 
 
 def checked_stamps(seconds: Array) -> NDArray[np.int64]:

@@ -5,15 +5,18 @@ lies exactly at the origin (Vicon, Qualisys, MATLAB scripts), or where it has a 
 """
 
 import math
+import re
 
 import numpy as np
 
+from bodycam_ros.files.shown import shown
 from bodycam_ros.geometry import Array
 
 _WORDS = frozenset(
     ("", "-", "nan", "na", "n/a", "#n/a", "#num!", "#value!", "#div/0!", "none", "null", "nil", "missing",
      "-nan", "nan(ind)", "-nan(ind)", "1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan", "1.#inf", "-1.#inf")
 )  # fmt: skip
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 _LARGEST = 9_999_999.0  # in millimetres, ten kilometres
 _PLACEHOLDERS = (-9999.0, 9999.0, -99999.0, 99999.0, -999999.0, 999999.0)
 """Numbers that stand for "none" where all three coordinates are the same one."""
@@ -26,7 +29,13 @@ def cell_value(cell: str) -> float:
         ValueError: it is something else.
     """
     word = cell.strip().strip('"').strip()
-    return math.nan if word.lower() in _WORDS else float(word)
+    if word.lower() in _WORDS:
+        return math.nan
+    try:
+        return float(word)
+    except ValueError as error:
+        remedy = "; write decimals with a point" if _DECIMAL_COMMA.fullmatch(word) else ""
+        raise ValueError(f"{shown(word)} is no number{remedy}") from error
 
 
 def without_missing(points: Array) -> Array:

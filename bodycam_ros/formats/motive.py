@@ -13,7 +13,7 @@ import numpy as np
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
+from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, own_times
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.geometry import Array, rotation_from_xyzw
 
@@ -59,6 +59,7 @@ def read_motive(path: Path) -> CapturedMotion:
     types, names = (_title(titles, word, place) for word, place in (("type", 0), ("name", 1)))
     columns = _columns(types, names, titles[-1], rows[axes_row])
     table = _table(rows[axes_row + 1 :], len(rows[axes_row]), axes_row + 2)
+    table = table[own_times(path, table[:, 1])]
     stamps_ns = checked_stamps(table[:, 1])
     points, rotations = dict[str, Array](), dict[str, Array]()
     is_quaternion = keys.get("Rotation Type", "Quaternion").strip().lower() == "quaternion"

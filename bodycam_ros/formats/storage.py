@@ -7,6 +7,7 @@ their model.
 
 import logging
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -14,8 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
+from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, own_times
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.geometry import Array
 
@@ -24,8 +26,10 @@ logger = logging.getLogger(__name__)
 _END = "endheader"
 _ENDINGS = (("_X", "_Y", "_Z"), ("_tx", "_ty", "_tz"))
 _TURNS = ("_Ox", "_Oy", "_Oz")
-_OTHER = re.compile(r"(?i)\b(accelerations?|velocit(y|ies)|forces?|moment(um|a)s?)\b")
-"""Words of a header above numbers that are no positions."""
+_OTHER = re.compile(r"(?i)\b(accelerations?|velocit(y|ies)|forces?|loads?|moment(um|a)s?)\b")
+"""Words of a title, the first line, of numbers that are no positions; what follows describes all files of its kind."""
+
+_ANGLES = re.compile(r"(?i)\bangles are in (degrees|radians)\b")
 
 _LEAST_POINTS = 3  # a model may have coordinates tx, ty, tz of one or two joints
 _LONGEST_HEADER = 200
@@ -46,11 +50,11 @@ def read_storage(path: Path) -> CapturedMotion:
     listed = [(number, line) for number, line in enumerate(lines[end + 1 :], end + 2) if line.strip()]
     if len(listed) < 2 or len(_cells(listed[0][1])) < 2:
         raise ValueError("it has no columns or no rows below its header")
-    if found := next((found for line in lines[:end] if (found := _OTHER.search(line))), None):
-        raise ValueError(f"by its header it has {found[0].lower()}, and not positions")
+    if found := _OTHER.search(lines[0]):
+        raise ValueError(f"by its title it has {found[0].lower()}, and not positions")
     names, rows = _cells(listed[0][1]), listed[1:]
-    if not names or names[0].lower() != "time" or len(set(names)) < len(names):
-        raise ValueError(f"line {listed[0][0]}: expected 'time' and names of columns, each its own")
+    if not names or names[0].lower() != "time":
+        raise ValueError(f"line {listed[0][0]}: expected 'time' and names of columns")
     data_type = header.get("datatype", "double").lower()
     if data_type not in ("double", "vec3"):
         raise ValueError(f"its data are {header['datatype']}: orientations alone place nothing; give positions")
@@ -58,10 +62,17 @@ def read_storage(path: Path) -> CapturedMotion:
     table = np.array([_numbers(line, number, len(names), depth) for number, line in rows]).reshape(len(rows), -1)
     if header.get("nrows", "").isdecimal() and int(header["nrows"]) != len(rows):
         logger.warning("%s: its header says %s rows, it has %d; these are read", path, header["nrows"], len(rows))
+    table = table[own_times(path, table[:, 0])]
     stamps_ns = checked_stamps(table[:, 0])
     columns = (
         {name: [1 + 3 * k, 2 + 3 * k, 3 + 3 * k] for k, name in enumerate(names[1:])} if depth == 3 else _points(names)
     )
+    # Other columns may have a name twice, as the forces below both feet have in files of inverse kinematics.
+    used = names[1:] if depth == 3 else [names[column] for at in columns.values() for column in at]
+    if twice := next((name for name, count in Counter(names).items() if count > 1 and name in used), ""):
+        raise ValueError(
+            f"line {listed[0][0]}: two columns are named {shown(twice)}; expected a name of its own for each"
+        )
     points = {
         name: values @ Y_UP_TO_Z_UP.T
         for name, at in columns.items()
@@ -72,7 +83,7 @@ def read_storage(path: Path) -> CapturedMotion:
             f"it has {len(points)} points; joint angles or forces alone place nothing. Let OpenSim write positions "
             "(Analyze, BodyKinematics: ..._pos_global.sto)"
         )
-    rotations = _rotations(names, table, points, header.get("indegrees", "no").lower() == "yes") if depth == 1 else {}
+    rotations = _rotations(names, table, points, _in_degrees(path, lines[:end], header)) if depth == 1 else {}
     return CapturedMotion(path, "STO", stamps_ns, points, rotations)
 
 
@@ -106,6 +117,20 @@ def _points(names: Sequence[str]) -> dict[str, list[int]]:
             if stem != name and stem + second in columns and stem + third in columns:
                 found.setdefault(stem, [columns[stem + ending] for ending in (first, second, third)])
     return found
+
+
+def _in_degrees(path: Path, head: Sequence[str], header: Mapping[str, str]) -> bool:
+    """Whether angles are degrees: by the description of the file, else by ``inDegrees``, which OpenSim left at "no"."""
+    by_key = header.get("indegrees", "no").lower() == "yes"
+    described = next((found[1].lower() for line in head if (found := _ANGLES.search(line))), "")
+    if described and (described == "degrees") != by_key:
+        logger.warning(
+            "%s: its header says inDegrees=%s and angles in %s; these are taken",
+            path,
+            header.get("indegrees"),
+            described,
+        )
+    return described == "degrees" if described else by_key
 
 
 def _rotations(names: Sequence[str], table: Array, points: Mapping[str, Array], in_degrees: bool) -> dict[str, Array]:

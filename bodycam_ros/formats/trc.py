@@ -15,7 +15,7 @@ import numpy as np
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
+from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, own_times
 from bodycam_ros.formats.markers import marker_positions, place_markers
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.formats.opensim import MODEL_SUFFIX, OPENSIM_R_OURS, model_text
@@ -90,7 +90,9 @@ def read_trc(path: Path) -> CapturedMotion:
     if len(listed) * wanted > _SMALL + _MOST_CELLS * sum(map(len, lines)):
         raise ValueError(f"line 4 names {len(columns)} markers, of which almost none is in the {len(listed)} rows")
     table = np.array([_numbers(line, number, wanted) for number, line in listed])
-    stamps_ns = checked_stamps(table[:, 1] if len(table) else np.zeros(0))
+    table = table.reshape(-1, wanted)
+    table = table[own_times(path, table[:, 1])]
+    stamps_ns = checked_stamps(table[:, 1])
     found = {name: without_missing(table[:, column : column + _AXES]) for name, column in columns.items()}
     points = {name: unit * values @ Y_UP_TO_Z_UP.T for name, values in found.items() if np.isfinite(values).any()}
     captured = CapturedMotion(path, "TRC", stamps_ns, points)

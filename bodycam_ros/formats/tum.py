@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.files.distinct_names import distinct_names
 from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import CapturedMotion
+from bodycam_ros.formats.captured_motion import CapturedMotion, own_times
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw, rigid, rotation_from_xyzw
 from bodycam_ros.results.body_motion import interpolated
@@ -79,8 +79,12 @@ def read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
             raise ValueError(f"expected {_COLUMNS} numbers per line")
         stamps = np.array([int((Decimal(words[0]) * _NANOSECONDS).to_integral_value()) for words in lines], np.int64)
         rows = np.array([[float(word) for word in words[1:]] for words in lines])
-        if len(rows) < 2 or not np.isfinite(rows).all() or not (np.diff(stamps) > 0).all():
-            raise ValueError("expected two lines or more, finite, with increasing stamps")
+        if len(rows) and not np.isfinite(rows).all():
+            raise ValueError("expected finite numbers")
+        own = own_times(path, stamps)
+        stamps, rows = stamps[own], rows[own]
+        if len(rows) < 2 or not (np.diff(stamps) > 0).all():
+            raise ValueError("expected two lines or more, with increasing stamps")
         return stamps, rigid(rotation_from_xyzw(rows[:, 3:]), rows[:, :3])
     except (ValueError, DecimalException, OverflowError) as error:
         text = str(error)[:_MAX_QUOTE]  # it may quote a damaged line
