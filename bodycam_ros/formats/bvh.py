@@ -6,6 +6,7 @@ Euler's singularity. Readers have to use each bone's own order of channels. A ga
 interpolated. Lengths are metres unless ``--scale`` changes it, and y is up unless ``--up`` does.
 """
 
+import logging
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,10 +17,18 @@ import numpy as np
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
+from bodycam_ros.formats.captured_motion import (
+    MOST_BYTES,
+    Y_UP_TO_Z_UP,
+    CapturedMotion,
+    checked_stamps,
+    header_contradictions,
+)
 from bodycam_ros.formats.figure import Figure, continuous_angles
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, exp_so3
+
+logger = logging.getLogger(__name__)
 
 MARK = "HIERARCHY"
 
@@ -104,11 +113,14 @@ def read_bvh(path: Path) -> CapturedMotion:
     if motion is None or next(words, "") != MARK:
         raise ValueError("expected HIERARCHY on the first line, and MOTION below it")
     joints = _read_joints(words)
-    frame_time, table = _read_frames(text[motion.end() :], sum(len(joint.channels) for joint in joints))
+    frames, frame_time, table = _read_frames(text[motion.end() :], sum(len(joint.channels) for joint in joints))
     stamps_ns = checked_stamps(np.asarray(frame_time * np.arange(len(table)), np.float64))
     points, rotations = _forward_kinematics(joints, table)
     parents = {joint.name: joint.parent for joint in joints if joint.parent is not None}
-    return CapturedMotion(path, "BVH", stamps_ns, points, rotations, parents, has_unit=False)
+    captured = CapturedMotion(path, "BVH", stamps_ns, points, rotations, parents, has_unit=False)
+    for contradiction in header_contradictions(captured, frames, ""):
+        logger.warning("%s: %s", path, contradiction)
+    return captured
 
 
 def _read_joints(words: Iterator[str]) -> list[_Joint]:
@@ -168,8 +180,8 @@ def _number(word: str) -> float:
     return value
 
 
-def _read_frames(text: str, channels: int) -> tuple[float, Array]:
-    """Time between two frames [s], and the values (K, channels).
+def _read_frames(text: str, channels: int) -> tuple[str, float, Array]:
+    """The count of frames as it is stated, the time between two [s], and the values (K, channels).
 
     Raises:
         ValueError: they contradict the header.
@@ -188,7 +200,7 @@ def _read_frames(text: str, channels: int) -> tuple[float, Array]:
         raise ValueError(f"it ends after {len(rows)} frames, 'Frames:' says {expected:g}")
     if frame_time <= 0.0:
         raise ValueError(f"Frame Time: {frame_time:g} s between two frames")
-    return frame_time, np.array(rows).reshape(-1, channels)
+    return lines[0].split(":")[1], frame_time, np.array(rows).reshape(-1, channels)
 
 
 def _forward_kinematics(joints: list[_Joint], table: Array) -> tuple[dict[str, Array], dict[str, Array]]:

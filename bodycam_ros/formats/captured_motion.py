@@ -1,7 +1,8 @@
 """A motion captured by another system: named points, and rotations of bones if it has them."""
 
 import logging
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +23,7 @@ MOST_BYTES = 1_000_000_000
 Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
 """Rotation (3, 3) from a world with y up to one with z up; x stays."""
 
+_RATE_DIFFERS = 0.02
 _WHOLE = 0.999  # least weight of the known frames under a Gaussian
 _MAX_GAP_FRAMES, _MAX_GAP_S = 2.5, 0.1  # points are interpolated between frames no further apart than the greater
 
@@ -120,6 +122,20 @@ class CapturedMotion:
             times = seconds[seen]
             curves[name] = times, scipy.interpolate.CubicSpline(times, points[seen]) if len(times) >= 2 else None
         return curves
+
+
+def header_contradictions(captured: CapturedMotion, frames: str, rate: str) -> Iterator[str]:
+    """What a header says of frames and their rate [1/s], as texts, that is not so, each with what is taken."""
+    found = len(captured.stamps_ns)
+    if frames.strip().isdecimal() and int(frames) != found:
+        yield f"its header says {frames.strip()} frames, it has {found}; these are read"
+    try:
+        stated = float(rate)
+    except ValueError:
+        stated = math.nan
+    timed = 1e9 / captured.frame_ns
+    if stated > 0.0 and abs(timed / stated - 1.0) > _RATE_DIFFERS:
+        yield f"its header says {stated:g} frames a second, its times {timed:.6g}; the times are taken"
 
 
 def own_times(path: Path, times: Array | NDArray[np.int64]) -> NDArray[np.bool_]:

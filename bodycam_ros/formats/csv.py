@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.formats.missing_values import without_missing
+from bodycam_ros.files.shown import shown
+from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, quaternion_xyzw
 
@@ -49,10 +50,10 @@ def read_csv(path: Path) -> dict[str, Array]:
     """Name -> points (K, 3) of columns NAME_x, NAME_y, NAME_z; NaN where missing (``missing_values``).
 
     Raises:
-        RecordingError: it cannot be read.
+        RecordingError: it cannot be read, or a cell is no number.
     """
     try:
-        with path.open(newline="") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             header, *lines = csv.reader(file)
     except (OSError, ValueError, csv.Error) as error:
         raise RecordingError(f"{path}: cannot be read as CSV with a header line: {error}") from error
@@ -61,13 +62,15 @@ def read_csv(path: Path) -> dict[str, Array]:
     for name in map(str.strip, header):
         axes = [columns.get(f"{name[:-1]}{axis}".lower()) for axis in "xyz"]
         if name[-1:].lower() == "x" and None not in axes:
-            values = np.array([[_number(line, axis) for axis in axes] for line in lines]).reshape(-1, 3)
+            try:
+                rows = [[_number(line, axis) for axis in axes] for line in lines]
+            except ValueError as error:
+                raise RecordingError(f"{path}: point {shown(name[:-2])}: {error}") from error
+            values = np.array(rows).reshape(-1, 3)
             points[name[:-2]] = without_missing(values)
     return points
 
 
 def _number(line: list[str], column: int | None) -> float:
-    try:
-        return float(line[column or 0])
-    except (ValueError, IndexError):
-        return float("nan")
+    at = column or 0
+    return cell_value(line[at]) if at < len(line) else float("nan")

@@ -5,6 +5,7 @@ of "Rotation" or "Position", and of axes; lines of parents and other things may 
 """
 
 import csv
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,9 +14,18 @@ import numpy as np
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, own_times
+from bodycam_ros.formats.captured_motion import (
+    MOST_BYTES,
+    Y_UP_TO_Z_UP,
+    CapturedMotion,
+    checked_stamps,
+    header_contradictions,
+    own_times,
+)
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.geometry import Array, rotation_from_xyzw
+
+logger = logging.getLogger(__name__)
 
 MARK = "Format Version"
 
@@ -75,7 +85,11 @@ def read_motive(path: Path) -> CapturedMotion:
                 rotations[name] = Y_UP_TO_Z_UP @ rotation_from_xyzw(quaternions)
     if not points:
         raise ValueError("it has no bone, rigid body or marker with a position that was seen")
-    return CapturedMotion(path, "Motive CSV", stamps_ns, points, rotations)
+    captured = CapturedMotion(path, "Motive CSV", stamps_ns, points, rotations)
+    frames, rate = keys.get("Total Exported Frames", ""), keys.get("Export Frame Rate", "")
+    for contradiction in header_contradictions(captured, frames, rate):
+        logger.warning("%s: %s", path, contradiction)
+    return captured
 
 
 def _title(titles: Sequence[Sequence[str]], word: str, place: int) -> Sequence[str]:

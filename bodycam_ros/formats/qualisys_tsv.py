@@ -5,6 +5,7 @@ may follow, and columns of frame and time before the markers'.
 """
 
 import logging
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -23,6 +24,8 @@ _MM = 1e-3
 _AXES = 3
 _MATRIX = 9
 _FRAME, _TIME = "frame", "time"
+_KEY = re.compile(r"[A-Z][A-Z0-9_]+")
+"""A word, where titles of columns are ``X``, indented, or two words: ``HEAD X``."""
 
 
 def read_qualisys(path: Path) -> CapturedMotion:
@@ -37,12 +40,17 @@ def read_qualisys(path: Path) -> CapturedMotion:
     first = 0
     for first, line in enumerate(lines):  # noqa: B007
         key, *values = line.split("\t")
-        if not key.strip() or not key.strip().replace("_", "").isupper():
+        if not _KEY.fullmatch(key.rstrip()):
             break
-        header[key.strip()] = [value.strip() for value in values]
+        header[key.rstrip()] = [value.strip() for value in values]
     if "NO_OF_FRAMES" not in header:
         raise ValueError("expected Qualisys' TSV, whose first lines have NO_OF_FRAMES, FREQUENCY and MARKER_NAMES")
     is_bodies = "BODY_NAMES" in header
+    if not is_bodies and "MARKER_NAMES" not in header:
+        included = " ".join(header.get("DATA_INCLUDED", [])) or "neither"
+        raise ValueError(
+            f"it has {shown(included)}, and neither MARKER_NAMES (3D) nor BODY_NAMES (6D); export one of these"
+        )
     names = [name for name in header.get("BODY_NAMES" if is_bodies else "MARKER_NAMES", []) if name]
     if not names or len(set(names)) < len(names):
         raise ValueError("MARKER_NAMES (or BODY_NAMES): expected a name of its own for each")
@@ -98,7 +106,10 @@ def _rows(lines: Sequence[str], first: int) -> tuple[list[str], Array]:
             titles = [cell.strip().lower() for cell in cells]
     width = max(map(len, values), default=0)
     width = max(width, len(titles))
-    return titles, np.array([[*row, *[np.nan] * (width - len(row))] for row in values]).reshape(-1, width)
+    rows = np.array([[*row, *[np.nan] * (width - len(row))] for row in values]).reshape(-1, width)
+    # Between two bodies is a column that has neither a title nor a number.
+    kept = [k for k in range(width) if not titles or "".join(titles[k : k + 1]) or np.isfinite(rows[:, k]).any()]
+    return [titles[k] for k in kept if k < len(titles)], rows[:, kept]
 
 
 def _fixed_columns(titles: Sequence[str], rows: Array, count: int, is_bodies: bool) -> int:

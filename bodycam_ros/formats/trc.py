@@ -15,7 +15,14 @@ import numpy as np
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, own_times
+from bodycam_ros.formats.captured_motion import (
+    MOST_BYTES,
+    Y_UP_TO_Z_UP,
+    CapturedMotion,
+    checked_stamps,
+    header_contradictions,
+    own_times,
+)
 from bodycam_ros.formats.markers import marker_positions, place_markers
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.formats.opensim import MODEL_SUFFIX, OPENSIM_R_OURS, model_text
@@ -56,7 +63,6 @@ _FIRST_ROW = 5
 _AXES, _FIXED = 3, 2
 _MOST_CELLS, _SMALL = 20, 1_000_000
 """Most cells per character of the file: cells missing at the end of a row take memory too. Small tables are exempt."""
-_RATE_DIFFERS = 0.02
 _LEAST_M, _MOST_M = 0.02, 100.0  # between the farthest markers of a frame, where the unit is right
 
 
@@ -141,19 +147,10 @@ def _columns(line: str, width: int, count: str) -> dict[str, int]:
 def _contradictions(header: Mapping[str, str], captured: CapturedMotion, markers: int) -> Iterator[str]:
     """What the header says of the rows that is not so, each with what is taken."""
     frames, names = len(captured.stamps_ns), len(captured.points)
-    expected = header.get("NumFrames", "")
-    if expected.isdecimal() and int(expected) != frames:
-        yield f"its header says {expected} frames, it has {frames}; these are read"
+    yield from header_contradictions(captured, header.get("NumFrames", ""), header.get("DataRate", ""))
     declared = header.get("NumMarkers", "")
     if declared.isdecimal() and int(declared) != markers:
         yield f"its header says {declared} markers, it names {markers}; these are read"
-    try:
-        rate = float(header.get("DataRate", "nan"))
-    except ValueError:
-        rate = math.nan
-    timed = 1e9 / captured.frame_ns
-    if rate > 0.0 and abs(timed / rate - 1.0) > _RATE_DIFFERS:
-        yield f"its header says {rate:g} frames a second, its times {timed:.6g}; the times are taken"
     if names < 2:
         return
     places = np.stack([*captured.points.values()])[:, :: max(1, frames // 50)]
