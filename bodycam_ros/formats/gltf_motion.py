@@ -1,11 +1,13 @@
 """glTF's first animation as truth: joints of a skin, or animated nodes, over time; y up, metres (glTF 2.0).
 
-Samplers may be linear, stepped or cubic; all are sampled at the times of the one with the most of them.
+Samplers may be linear, stepped or cubic. Their key frames are the frames, where all have the same ones, close to each
+other; otherwise the motion between them is sampled evenly, since joints move on arcs from one key frame to the next.
 """
 
 import base64
 import binascii
 import json
+import logging
 import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,9 +17,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.files.shown import few, shown
 from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
 from bodycam_ros.geometry import Array, nearest_rotation
+
+logger = logging.getLogger(__name__)
 
 _MAGIC = b"glTF"
 _JSON = 0x4E4F534A
@@ -27,6 +32,9 @@ _WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 _MOST_NODES, _MOST_VALUES = 10_000, 100_000_000
 _DATA = "base64,"
+_LONGEST_STEP_S = 0.055  # between key frames that are frames: 20 a second and more
+_STEP_S, _SHORTEST_STEP_S = 1.0 / 60.0, 1.0 / 240.0
+_SAME_S = 1e-4  # key frames this close are one, rounded
 
 
 def read_gltf(path: Path) -> CapturedMotion:
@@ -81,7 +89,16 @@ def _motion(path: Path, document: Any, binary: bytes) -> CapturedMotion:
     }
     if not animated:
         raise ValueError("its first animation moves no node")
-    seconds = max((sampler[0][:, 0] for sampler in animated.values()), key=len)
+    seconds = _frame_times([sampler[0][:, 0] for sampler in animated.values()])
+    if len(document["animations"]) > 1:
+        names_of_all = [str(each.get("name", number)) for number, each in enumerate(document["animations"], 1)]
+        logger.warning(
+            "%s: has %d animations; the first is read, %s, and not %s",
+            path,
+            len(names_of_all),
+            shown(names_of_all[0]),
+            few(names_of_all[1:], most=5),
+        )
     parents = {child: number for number, node in enumerate(nodes) for child in node.get("children", [])}
     chosen = dict.fromkeys(joint for skin in document.get("skins", []) for joint in skin["joints"]) or dict.fromkeys(
         node for node, _ in animated
@@ -99,6 +116,20 @@ def _motion(path: Path, document: Any, binary: bytes) -> CapturedMotion:
         rotations[name] = Y_UP_TO_Z_UP @ np.stack([nearest_rotation(R) for R in T[:, :3, :3]])
     above = {names[n]: names[parents[n]] for n in names if n in parents and parents[n] in names}
     return CapturedMotion(path, "glTF", checked_stamps(seconds), points, rotations, above)
+
+
+def _frame_times(keys: Sequence[Array]) -> Array:
+    """Times of the frames (K,) [s], by those of the key frames of each sampler."""
+    longest = max(keys, key=len)
+    every = np.unique(np.concatenate(keys))
+    if len(every) > 1 and len(every) == len(longest) and np.diff(every).max() <= _LONGEST_STEP_S:
+        return every
+    length = float(every[-1] - every[0])
+    steps = np.diff(every)
+    step = min(_STEP_S, max(_SHORTEST_STEP_S, float(steps[steps > _SAME_S].min(initial=_STEP_S))))
+    if not length / step < _MOST_VALUES:
+        raise ValueError(f"its first animation lasts {length:g} s")
+    return np.linspace(every[0], every[-1], max(2, round(length / step) + 1)) if length > 0.0 else every
 
 
 def _buffer(path: Path, buffer: Mapping[str, Any], binary: bytes) -> bytes:
@@ -180,13 +211,34 @@ def _local(number: int, node: Mapping[str, Any], animated: _Animated, seconds: A
 def _sampled(times: Array, values: Array, interpolation: str, seconds: Array, is_rotation: bool) -> Array:
     """Values (K, width) of a sampler at times (K,) [s]; the first and last ones outside."""
     times = times[:, 0]
+    slopes = None
     if interpolation == "CUBICSPLINE":
-        values = values[1::3]  # without the tangents: exact at its own times
+        before, values, after = values[0::3], values[1::3], values[2::3]
+        slopes = before, after
     if len(values) != len(times) or not (np.diff(times) > 0.0).all():
         raise ValueError("a sampler has as many times as values, which increase; it has not")
     at = np.clip(seconds, times[0], times[-1])
     if interpolation == "STEP" or len(times) == 1:
         return np.asarray(values[np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 1)], np.float64)
+    if slopes is not None:
+        curve = _cubic(times, values, *slopes, at)
+        return curve / np.linalg.norm(curve, axis=1, keepdims=True) if is_rotation else curve
     if is_rotation:
         return np.asarray(Slerp(times, Rotation.from_quat(values))(at).as_quat(), np.float64)
     return np.stack([np.interp(at, times, column) for column in values.T], axis=1)
+
+
+def _cubic(times: Array, values: Array, arriving: Array, leaving: Array, at: Array) -> Array:
+    """Cubic splines (K, width) at times (K,) [s], by values and both slopes at each key frame (glTF 2.0, C.5)."""
+    if len(arriving) != len(values) or len(leaving) != len(values):
+        raise ValueError("a cubic sampler has three values to a time; it has not")
+    k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    length = (times[k + 1] - times[k])[:, None]
+    t = (at - times[k])[:, None] / length
+    curve: Array = (
+        (2.0 * t**3 - 3.0 * t**2 + 1.0) * values[k]
+        + (t**3 - 2.0 * t**2 + t) * length * leaving[k]
+        + (3.0 * t**2 - 2.0 * t**3) * values[k + 1]
+        + (t**3 - t**2) * length * arriving[k + 1]
+    )
+    return curve
