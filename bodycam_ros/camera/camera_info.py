@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -18,6 +19,7 @@ from bodycam_ros.files.yaml_file import read_yaml
 # (OpenCV's thin prism and tilted sensor).
 _OTHER_LENGTHS = {"plumb_bob": (0, 4), "rational_polynomial": (12, 14)}
 _SIZE, _MATRICES = ("image_width", "image_height"), ("distortion_coefficients", "camera_matrix")
+_MOST_OF_PLUMB_BOB = 5  # coefficients; OpenCV has 8, 12 or 14 for its rational model
 _K_FORM = "[fx, 0, cx, 0, fy, cy, 0, 0, 1]"
 _LARGEST = 1e6  # of k [px] and d; their powers must be finite
 
@@ -55,10 +57,10 @@ def camera_from_info(
 
 
 def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
-    """Camera of a ROS camera_info YAML file.
+    """Camera of a ROS camera_info YAML file, or of what OpenCV's calibration writes.
 
     Args:
-        path: the file, as camera_calibration and image_proc write it.
+        path: the file, as camera_calibration and image_proc write it, or OpenCV's sample (``out_camera_data.yml``).
         name: the camera; else ``camera_name`` of the file; else the file's name.
 
     Raises:
@@ -67,6 +69,7 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
     document = read_yaml(path, "camera_info YAML", LensError)
     if not isinstance(document, Mapping):
         raise LensError(f"{path}: expected a camera_info YAML with image_width, camera_matrix and so on")
+    document = _as_of_ros(document)
     for field in (*_SIZE, *_MATRICES, "distortion_model"):
         if field not in document:
             raise LensError(f"{path}: the field '{field}' is missing")
@@ -82,6 +85,17 @@ def camera_from_yaml(path: Path, name: str | None = None) -> CameraModel:
         return camera_from_info(called, width, height, str(document["distortion_model"]), d["data"], k["data"])
     except LensError as error:
         raise LensError(f"{path}: {error}") from error
+
+
+def _as_of_ros(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The fields of a file of OpenCV by ROS' names, with a model by the number of coefficients; others as they are."""
+    lower = {str(key).lower(): value for key, value in document.items()}
+    matrix, d = (lower.get(field) for field in reversed(_MATRICES))
+    if not (isinstance(matrix, Mapping) and "dt" in matrix and isinstance(d, Mapping)) or "distortion_model" in lower:
+        return document
+    count = len(d["data"]) if isinstance(d.get("data"), list) else 0
+    model = "plumb_bob" if count <= _MOST_OF_PLUMB_BOB else "rational_polynomial"
+    return {**lower, "distortion_model": "equidistant" if lower.get("fisheye_model") else model}
 
 
 def scaled_camera(camera: CameraModel, scale: float) -> CameraModel:

@@ -21,6 +21,9 @@ from bodycam_ros.files.shown import shown
 MOST_BYTES = 16_000_000
 MOST_NODES = 200_000  # a body has a thousand, the map of a thousand photographs six thousand
 DEEPEST = 50
+_OPENCV_FIRST = "%YAML:1.0"
+"""First line of OpenCV's files, which YAML has not."""
+
 _LONGEST_NUMBER = 300  # characters; the largest float has 309 digits
 
 _KINDS: Final[Mapping[str, Callable[[dict[Any, Any]], bool]]] = {
@@ -94,6 +97,8 @@ def read_bytes(path: Path | str, what: str, error_type: type[BodycamError], most
 
 def yaml_document(text: str, what: str, error_type: type[BodycamError]) -> Any:
     """The document in a YAML text; raises as ``read_yaml`` does, without the file's name."""
+    if text.startswith(_OPENCV_FIRST):
+        text = "#" + text
     try:
         _Inspection().inspect(text)
         document = yaml.load(text, Loader=_Loader)
@@ -124,6 +129,9 @@ class _Loader(_BaseLoader):  # type: ignore[misc]
         except Exception as error:  # PyYAML checks the forms of dates and tags by nothing but what goes wrong
             raise _fault(f"{shown(node.value)} makes no {kind}", node.start_mark) from error
 
+
+# Matrices of OpenCV are tables of rows, cols, dt and data.
+_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _BaseLoader.construct_yaml_map)
 
 # PyYAML takes 1e-4 for text, as it has no point.
 _Loader.add_implicit_resolver(

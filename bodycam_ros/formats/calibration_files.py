@@ -42,8 +42,12 @@ TOML_MARK = "# Static cameras in metres, written by bodycam\n"
 """First line of a TOML file that we wrote."""
 
 _UNITS_M = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3}
+_KALIBR_UNIT = "m"
 _LARGEST_M, _LARGEST_CM = 50.0, 1000.0
 """Distance between two cameras; a larger number is of a smaller unit."""
+
+_SAME_FRAME_M, _SAME_FRAME_RAD = 0.2, 0.15
+"""A camera this near to the world is its origin: adjustments move it from there by as much, and none looks upwards."""
 
 _ROTATES = 1e-2  # entries of R^T R - 1: files have three digits or more
 _MOST_BYTES = 10_000_000
@@ -58,27 +62,39 @@ def read_calibration(path: Path) -> dict[str, StaticCamera]:
         LensError: a lens is malformed.
     """
     content = read_bytes(path, "calibration of cameras", StaticCameraError, _MOST_BYTES)
+    is_rig = False
     if path.name.endswith(".toml"):
         cameras, unit = _read_toml(path, content)
     elif path.name.endswith(".qca.txt"):
         cameras, unit = list(_read_qualisys(path, content)), "mm"
     else:
         cameras, unit = _read_yaml(path, content)
+        is_rig = unit == _KALIBR_UNIT
     stations = _usable(path, cameras)
     places = np.array([station.world_T_camera[:3, 3] for station in stations])
     apart = float(np.linalg.norm(places[:, None] - places, axis=2).max())
     by = "as the file says" if unit else "by their distances"
     unit = unit or ("m" if apart <= _LARGEST_M else "cm" if apart <= _LARGEST_CM else "mm")
     scale = _UNITS_M[unit]
-    logger.info("%s: %d cameras up to %.2f m apart (%s, %s); z is up", path, len(stations), scale * apart, unit, by)
-    if any(np.abs(station.world_T_camera - np.eye(4)).max() < 1e-6 for station in stations):
+    logger.info(
+        "%s: %d cameras up to %.2f m apart (%s, %s); z is taken for up", path, len(stations), scale * apart, unit, by
+    )
+    if own := next((station.name for station in stations if _is_world(station.world_T_camera, scale)), ""):
         logger.warning(
-            "%s: its world is the frame of one camera, whose z axis is not up; floor and up are unknown", path
+            "%s: its world is the frame of one camera, %s, whose z axis is not up; floor and up are unknown", path, own
         )
+    elif is_rig:
+        logger.warning("%s: its world is its inertial sensor's, whose z axis may not be up; floor is unknown", path)
     if len({station.name for station in stations}) < len(stations):
         raise StaticCameraError(f"{path}: two cameras have the same name; names must differ")
     poses = [rigid(station.world_T_camera[:3, :3], scale * station.world_T_camera[:3, 3]) for station in stations]
     return {station.name: replace(station, world_T_camera=pose) for station, pose in zip(stations, poses, strict=True)}
+
+
+def _is_world(world_T_camera: Array, scale: float) -> bool:
+    """Whether a camera's frame is the world, but for an adjustment of all cameras."""
+    turned = float(np.linalg.norm(log_so3(world_T_camera[:3, :3])))
+    return turned < _SAME_FRAME_RAD and scale * float(np.linalg.norm(world_T_camera[:3, 3])) < _SAME_FRAME_M
 
 
 _Camera = tuple[str, Callable[[], StaticCamera]]
@@ -227,7 +243,7 @@ def _read_yaml(path: Path, content: bytes) -> tuple[list[_Camera], str]:
         except UnicodeDecodeError as error:
             raise StaticCameraError(f"{path}: is not UTF-8") from error
         if tables := kalibr_cameras(path, text):
-            return list(read_kalibr(path, tables)), "m"
+            return list(read_kalibr(path, tables)), _KALIBR_UNIT
     return list(_read_opencv(path)), ""
 
 

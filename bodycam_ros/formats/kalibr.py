@@ -36,11 +36,8 @@ def kalibr_cameras(path: Path, text: str) -> dict[str, Mapping[str, Any]]:
     Raises:
         StaticCameraError: it is no YAML.
     """
-    lines = text.splitlines()
-    if lines and lines[0].startswith("%YAML"):
-        lines[0] = ""  # OpenCV's "%YAML:1.0", which YAML has not
     try:
-        document = yaml_document("\n".join(lines), "calibration of cameras", StaticCameraError)
+        document = yaml_document(text, "calibration of cameras", StaticCameraError)
     except StaticCameraError as error:
         raise StaticCameraError(f"{path}: {error}") from error
     if not isinstance(document, Mapping):

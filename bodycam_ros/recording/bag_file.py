@@ -29,6 +29,7 @@ from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.typestore import recording_typestore
 
 _MAGIC = b"\x89MCAP0\r\n"
+_ROS1_MAGIC = b"#ROSBAG V"
 _FOOTER_LENGTH = 29  # opcode, length, two offsets, checksum; the magic follows
 _HEADER_OPCODE, _FOOTER_OPCODE = 0x01, 0x02
 _STORAGE_SUFFIXES, _PACKED_SUFFIX = (".mcap", ".db3"), ".zstd"
@@ -84,7 +85,9 @@ def fault_of(path: Path) -> str | None:
     if path.is_file():
         if path.suffix == ".mcap":
             return _mcap_fault(path)
-        return None if path.suffix in _STORAGE_SUFFIXES else "is not a bag; expected a ros2 bag folder or an .mcap file"
+        if path.suffix not in _STORAGE_SUFFIXES:
+            return _ros1_fault(path) or "is not a bag; expected a ros2 bag folder or an .mcap file"
+        return None
     files = sorted(f for f in path.iterdir() if f.suffix in _STORAGE_SUFFIXES)
     if not (path / METADATA).exists():
         if files:
@@ -99,6 +102,16 @@ def fault_of(path: Path) -> str | None:
         if fault:
             return f"{file.name} {fault}"
     return None
+
+
+def _ros1_fault(path: Path) -> str | None:
+    with path.open("rb") as file:
+        if not file.read(len(_ROS1_MAGIC)) == _ROS1_MAGIC:
+            return None
+    return (
+        f"is a bag of ROS 1; convert it: rosbags-convert --src {path.name} --dst {path.stem}, which is installed with "
+        "this program"
+    )
 
 
 def _mcap_fault(path: Path) -> str | None:

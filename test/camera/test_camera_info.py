@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -88,3 +89,28 @@ def test_a_camera_that_is_written_is_read_back(tmp_path: Path, lens: CameraModel
     again = camera_from_yaml(tmp_path / "camera.yaml")
     assert (again.name, type(again)) == (lens.name, type(lens))
     np.testing.assert_array_equal(again.parameters, lens.parameters)
+
+
+@pytest.mark.parametrize(
+    ("names", "d", "fisheye", "model"),
+    [
+        (("image_width", "image_height", "camera_matrix", "distortion_coefficients"), 5, 0, "plumb_bob"),
+        (("image_Width", "image_Height", "Camera_Matrix", "Distortion_Coefficients"), 5, None, "plumb_bob"),
+        (("image_width", "image_height", "camera_matrix", "distortion_coefficients"), 8, 0, "rational_polynomial"),
+        (("image_width", "image_height", "camera_matrix", "distortion_coefficients"), 4, 1, "equidistant"),
+    ],
+)
+def test_what_opencv_s_calibration_writes_is_a_lens(
+    tmp_path: Path, names: tuple[str, ...], d: int, fisheye: int | None, model: str
+) -> None:
+    path, coefficients = tmp_path / "out_camera_data.yml", 0.01 * np.arange(1.0, 1.0 + d)
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in zip(names, (640, 480, np.reshape(K, (3, 3)), coefficients[:, None]), strict=True):
+        file.write(name, value)
+    if fisheye is not None:
+        file.write("fisheye_model", fisheye)
+    file.release()
+    camera = camera_from_yaml(path, "head")
+    assert (camera.width, camera.height, camera.distortion_model) == (640, 480, model)
+    np.testing.assert_allclose(camera.distortion, coefficients)
+    np.testing.assert_allclose(camera.k, K)

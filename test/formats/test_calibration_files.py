@@ -231,3 +231,27 @@ def test_what_is_wrong_is_named(tmp_path: Path, name: str, text: str, named: tup
     path.write_text(text)
     with naming(StaticCameraError, path, *named):
         read_static_cameras(path)
+
+
+@pytest.mark.parametrize(
+    ("moved", "told"), [([0.02, -0.05, 0.01, 0.02, -0.01, 0.08], True), ([1.6, 0, 0, 0, 0, 1], False)]
+)
+def test_a_world_that_is_nearly_the_frame_of_a_camera_has_no_upward_axis(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, moved: list[float], told: bool
+) -> None:
+    first = StaticCamera("first", exp_se3(np.array(moved, float)), STATIONS["cam01"].camera)
+    (tmp_path / "a.toml").write_text(toml_text([first, STATIONS["cam02"]]))
+    read_static_cameras(tmp_path / "a.toml")
+    assert ("its world is the frame of one camera, first, whose z axis is not up" in caplog.text) == told
+
+
+def test_a_rig_by_its_inertial_sensor_has_no_upward_axis_either(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pose = exp_se3(np.array([1.2, -1.2, 1.2, 0.1, 0.0, 0.0])).tolist()
+    (tmp_path / "camchain.yaml").write_text(
+        f"%YAML:1.0\ncam0:\n  camera_model: pinhole\n  intrinsics: [400, 400, 320, 240]\n  distortion_model: radtan\n"
+        f"  distortion_coeffs: [0, 0, 0, 0]\n  resolution: [640, 480]\n  T_cam_imu: {pose}\n"
+    )
+    read_static_cameras(tmp_path / "camchain.yaml")
+    assert "its world is its inertial sensor's, whose z axis may not be up" in caplog.text

@@ -20,6 +20,7 @@ from helpers.tiny_bag import (
     write_tiny_bag,
 )
 from mcap.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Rosbag1Writer
 
 from bodycam_ros.camera.camera_image import decode_colour, decode_grey
 from bodycam_ros.camera.readout import Readout
@@ -282,6 +283,9 @@ def test_what_is_no_bag(tmp_path: Path) -> None:
     assert "neither metadata.yaml nor an .mcap file; 'bodycam ingest' makes one" in refused(tmp_path)
     (tmp_path / "film.mp4").write_bytes(b"film")
     assert "is not a bag" in refused(tmp_path / "film.mp4")
+    with Rosbag1Writer(tmp_path / "walk.bag"):
+        pass
+    assert "is a bag of ROS 1; convert it: rosbags-convert --src walk.bag --dst walk" in refused(tmp_path / "walk.bag")
     (tmp_path / "empty.mcap").write_bytes(b"")
     assert "is empty" in refused(tmp_path / "empty.mcap")
     (tmp_path / "takes/walk").mkdir(parents=True)
