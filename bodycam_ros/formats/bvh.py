@@ -14,17 +14,16 @@ from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
-from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import (
-    MOST_BYTES,
     Y_UP_TO_Z_UP,
     CapturedMotion,
     checked_stamps,
     header_contradictions,
 )
 from bodycam_ros.formats.figure import Figure, continuous_angles
+from bodycam_ros.formats.foreign_text import read_foreign
+from bodycam_ros.formats.missing_values import cell_value
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.geometry import Array, exp_so3
 
@@ -106,7 +105,7 @@ def read_bvh(path: Path) -> CapturedMotion:
         RecordingError: it cannot be read.
         ValueError: it is no BVH.
     """
-    text = read_text(path, "BVH file", RecordingError, MOST_BYTES)
+    text = read_foreign(path, "BVH file")
     motion = _MOTION.search(text)
     hierarchy = text[: motion.start()] if motion else ""
     words = (word for found in _WORD.finditer(hierarchy) for word in found.groups() if word)
@@ -174,7 +173,7 @@ def _read_joints(words: Iterator[str]) -> list[_Joint]:
 
 
 def _number(word: str) -> float:
-    value = float(word)
+    value = cell_value(word)
     if not np.isfinite(value):
         raise ValueError(f"{shown(word)} is not a finite number")
     return value

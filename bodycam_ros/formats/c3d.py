@@ -110,6 +110,13 @@ def read_c3d(path: Path) -> CapturedMotion:
             path,
             unread,
         )
+    elif (stated := int(content["stated"])) > positions.shape[1]:
+        logger.warning(
+            "%s: its header says %d frames, it has %d; these are read. Was it copied whole?",
+            path,
+            stated,
+            positions.shape[1],
+        )
     positions = metres * without_missing(positions)
     # Few files have the axis that is up; the others mean z.
     if str(content["up"]).endswith("Y"):

@@ -159,7 +159,7 @@ def toml_text(stations: Iterable[StaticCamera]) -> str:
 def _read_toml(path: Path, content: bytes) -> tuple[list[_Camera], str]:
     """Cameras, and the unit of the file; empty where it has none. Caliscope has cameras one level down."""
     try:
-        document = tomllib.loads(content.decode())
+        document = tomllib.loads(content.decode("utf-8-sig"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise StaticCameraError(f"{path}: cannot be read as TOML: {error}") from error
     tables = _tables(document)
@@ -283,7 +283,7 @@ def _opencv_values(path: Path) -> dict[str, Any]:
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
         nodes = {key: storage.root().getNode(key) for key in storage.root().keys()}
-    except (cv2.error, SystemError) as error:
+    except (cv2.error, SystemError, UnicodeDecodeError) as error:
         raise StaticCameraError(f"{path}: cannot be read as YAML of OpenCV") from error
     values = {key: _opencv_value(node) for key, node in nodes.items()}
     storage.release()

@@ -11,17 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
-from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import (
-    MOST_BYTES,
     Y_UP_TO_Z_UP,
     CapturedMotion,
     checked_stamps,
     header_contradictions,
     own_times,
 )
+from bodycam_ros.formats.foreign_text import is_last_row_cut, read_foreign
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.geometry import Array, rotation_from_xyzw
 
@@ -52,7 +50,11 @@ def read_motive(path: Path) -> CapturedMotion:
         RecordingError: it cannot be read.
         ValueError: it is no such CSV.
     """
-    rows = list(csv.reader(read_text(path, "CSV file", RecordingError, MOST_BYTES).splitlines()))
+    text = read_foreign(path, "CSV file")
+    try:
+        rows = list(csv.reader(text.split("\n")))
+    except csv.Error as error:
+        raise ValueError(str(error)) from error
     keys = dict(zip(rows[0][::2], rows[0][1::2], strict=False)) if rows else {}
     unit = _UNITS_M.get(keys.get("Length Units", "Meters").strip().lower())
     if MARK not in keys or unit is None:
@@ -68,6 +70,8 @@ def read_motive(path: Path) -> CapturedMotion:
         raise ValueError("expected lines of types, names and of Rotation or Position above that of the axes")
     types, names = (_title(titles, word, place) for word, place in (("type", 0), ("name", 1)))
     columns = _columns(types, names, titles[-1], rows[axes_row])
+    if is_last_row_cut(path, text, [len(row) for row in rows[axes_row + 1 :]]):
+        del rows[-1]
     table = _table(rows[axes_row + 1 :], len(rows[axes_row]), axes_row + 2)
     table = table[own_times(path, table[:, 1])]
     stamps_ns = checked_stamps(table[:, 1])

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 _MOST_BYTES = 100_000
+_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _MARKS = (b"camera_model:", b"intrinsics:")
 _OURS = (b"T_map_cam", b"T_board_cam")
 
@@ -15,7 +16,7 @@ def is_other_calibration(path: Path) -> bool:
         if not path.is_file():
             return False
         with path.open("rb") as file:
-            start = file.read(_MOST_BYTES)
+            start = file.read(_MOST_BYTES).removeprefix(_BYTE_ORDER_MARK)
     except OSError:
         return False
     return start.startswith(b"%YAML") or (

@@ -11,10 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
-from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, CapturedMotion, checked_stamps
+from bodycam_ros.formats.captured_motion import CapturedMotion, checked_stamps
+from bodycam_ros.formats.foreign_text import is_last_row_cut, read_foreign
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.geometry import Array, nearest_rotation
 
@@ -35,7 +34,8 @@ def read_qualisys(path: Path) -> CapturedMotion:
         RecordingError: it cannot be read.
         ValueError: it is no such TSV.
     """
-    lines = read_text(path, "TSV file", RecordingError, MOST_BYTES).splitlines()
+    text = read_foreign(path, "TSV file")
+    lines = text.rstrip("\n").split("\n")
     header: dict[str, list[str]] = {}
     first = 0
     for first, line in enumerate(lines):  # noqa: B007
@@ -54,6 +54,8 @@ def read_qualisys(path: Path) -> CapturedMotion:
     names = [name for name in header.get("BODY_NAMES" if is_bodies else "MARKER_NAMES", []) if name]
     if not names or len(set(names)) < len(names):
         raise ValueError("MARKER_NAMES (or BODY_NAMES): expected a name of its own for each")
+    if is_last_row_cut(path, text, [line.count("\t") for line in lines[first + 1 :]]):
+        del lines[-1]
     titles, rows = _rows(lines[first:], first + 1)
     rate = _number(header, "FREQUENCY")
     before = _fixed_columns(titles, rows, len(names), is_bodies)

@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
-from bodycam_ros.files.yaml_file import read_text
-from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, own_times
+from bodycam_ros.formats.captured_motion import Y_UP_TO_Z_UP, CapturedMotion, checked_stamps, own_times
+from bodycam_ros.formats.foreign_text import is_last_row_cut, read_foreign
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.geometry import Array
 
@@ -42,7 +41,8 @@ def read_storage(path: Path) -> CapturedMotion:
         RecordingError: it cannot be read.
         ValueError: it is no such file, or has no points.
     """
-    lines = read_text(path, "file of OpenSim", RecordingError, MOST_BYTES).splitlines()
+    text = read_foreign(path, "file of OpenSim")
+    lines = text.split("\n")
     end = next((k for k, line in enumerate(lines[:_LONGEST_HEADER]) if line.strip().lower() == _END), None)
     if end is None:
         raise ValueError("expected a line 'endheader', and below it names of columns and rows")
@@ -53,6 +53,8 @@ def read_storage(path: Path) -> CapturedMotion:
     if found := _OTHER.search(lines[0]):
         raise ValueError(f"by its title it has {found[0].lower()}, and not positions")
     names, rows = _cells(listed[0][1]), listed[1:]
+    if is_last_row_cut(path, text, [len(_cells(line)) for _, line in rows]):
+        del rows[-1]
     if not names or names[0].lower() != "time":
         raise ValueError(f"line {listed[0][0]}: expected 'time' and names of columns")
     data_type = header.get("datatype", "double").lower()

@@ -12,17 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import shown
-from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import (
-    MOST_BYTES,
     Y_UP_TO_Z_UP,
     CapturedMotion,
     checked_stamps,
     header_contradictions,
     own_times,
 )
+from bodycam_ros.formats.foreign_text import is_last_row_cut, read_foreign
 from bodycam_ros.formats.markers import marker_positions, place_markers
 from bodycam_ros.formats.missing_values import cell_value, without_missing
 from bodycam_ros.formats.opensim import MODEL_SUFFIX, OPENSIM_R_OURS, model_text
@@ -76,7 +74,8 @@ def read_trc(path: Path) -> CapturedMotion:
         RecordingError: it cannot be read.
         ValueError: it is no TRC.
     """
-    lines = read_text(path, "TRC file", RecordingError, MOST_BYTES).splitlines()
+    text = read_foreign(path, "TRC file")
+    lines = text.split("\n")
     if len(lines) <= _FIRST_ROW or not lines[_TYPE].startswith("PathFileType"):
         raise ValueError("expected 'PathFileType' on the first line, four header lines, and rows")
     header = dict(zip(lines[_KEYS].split(), lines[_VALUES].split(), strict=False))
@@ -86,6 +85,8 @@ def read_trc(path: Path) -> CapturedMotion:
     # The line of X1 Y1 Z1 may lack: rows begin where a line begins with a number.
     first = next((row for row in (_FIRST_ROW - 1, _FIRST_ROW) if _cells(lines[row])[0].strip().isdigit()), _FIRST_ROW)
     listed = [(number, line) for number, line in enumerate(lines[first:], first + 1) if line.strip()]
+    if is_last_row_cut(path, text, [len(_cells(line)) for _, line in listed]):
+        del listed[-1]
     width = max((len(_cells(line.rstrip())) for _, line in listed), default=0)
     columns = _columns(lines[_NAMES], width, header.get("NumMarkers", ""))
     if width == _FIXED + _AXES * len(columns) + 1:

@@ -4,6 +4,7 @@ A line is the stamp [s], the position [m] and the quaternion x y z w, in the wor
 segment, each to a file beside the root's. In a gap there is no line.
 """
 
+import re
 from decimal import Decimal, DecimalException
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError, RecordingError
 from bodycam_ros.files.distinct_names import distinct_names
+from bodycam_ros.files.shown import shown
 from bodycam_ros.files.yaml_file import read_text
 from bodycam_ros.formats.captured_motion import CapturedMotion, own_times
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
@@ -61,6 +63,7 @@ def _lines(motion: SampledMotion, segment: str, segment_T_camera: Array | None =
 
 _NANOSECONDS = Decimal(10**9)
 _COLUMNS = 8
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?|(?i:[-+]?(nan|inf))")
 _MAX_QUOTE = 200
 
 
@@ -74,9 +77,14 @@ def read_tum(path: Path) -> tuple[NDArray[np.int64], Array]:
     """
     text = read_text(path, "trajectory", RecordingError)
     try:
-        lines = [line.split() for line in text.splitlines() if line.strip() and not line.startswith("#")]
-        if any(len(words) != _COLUMNS for words in lines):
-            raise ValueError(f"expected {_COLUMNS} numbers per line")
+        lines = []
+        for number, line in enumerate(text.splitlines(), 1):
+            if line.strip() and not line.startswith("#"):
+                lines.append(words := line.split())
+                if len(words) != _COLUMNS:
+                    raise ValueError(f"line {number}: expected {_COLUMNS} numbers")
+                if other := next((word for word in words if not _NUMBER.fullmatch(word)), ""):
+                    raise ValueError(f"line {number}: {shown(other)} is no number")
         stamps = np.array([int((Decimal(words[0]) * _NANOSECONDS).to_integral_value()) for words in lines], np.int64)
         rows = np.array([[float(word) for word in words[1:]] for words in lines])
         if len(rows) and not np.isfinite(rows).all():

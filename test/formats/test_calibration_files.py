@@ -255,3 +255,11 @@ def test_a_rig_by_its_inertial_sensor_has_no_upward_axis_either(
     )
     read_static_cameras(tmp_path / "camchain.yaml")
     assert "its world is its inertial sensor's, whose z axis may not be up" in caplog.text
+
+
+def test_a_byte_order_mark_and_another_alphabet_are_no_traceback(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("\ufeff" + toml_text(STATIONS.values()), encoding="utf-8")
+    assert_same(read_static_cameras(tmp_path / "a.toml"))
+    (tmp_path / "a.yml").write_bytes("%YAML:1.0\n---\nK_hüfte: 1\n".encode("cp1252"))
+    with pytest.raises(StaticCameraError, match="cannot be read as YAML of OpenCV"):
+        read_static_cameras(tmp_path / "a.yml")

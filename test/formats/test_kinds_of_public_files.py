@@ -194,3 +194,78 @@ def test_a_decimal_comma_is_named(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text('LHip_x,LHip_y,LHip_z\n"1,5",2,3\n')
     with pytest.raises(BodyError, match="point 'LHip': '1,5' is no number; write decimals with a point"):
         read_joint_points(tmp_path / "a.csv")
+
+
+TRC = ("PathFileType\t4\t(X/Y/Z)\ta.trc", "DataRate\tNumMarkers\tUnits", "10\t2\tm", "Frame#\tTime\ta\t\t\tb", "\t\tX1")
+
+
+@pytest.mark.parametrize("kind", ["trc", "sto", "tsv", "csv"])
+def test_a_row_that_a_copy_cut_off_is_left_out_and_named(
+    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, mark, heads = tmp_path / f"a.{kind}", "\t", TRC
+    first = [["1", "0"], ["2", "0.1"], ["3", "0.2"]]
+    if kind == "sto":
+        first = [row[1:] for row in first]
+        heads = ("Positions", "endheader", "\t".join(["time", *(f"{name}_{axis}" for name in "abc" for axis in "XYZ")]))
+    elif kind == "tsv":
+        heads = ("NO_OF_FRAMES\t3", "FREQUENCY\t10", "MARKER_NAMES\ta\tb\tc")
+    elif kind == "csv":
+        mark, kinds = ",", [",".join([",", *[word] * 9]) for word in ("Marker", "", "Position")]
+        names = ",".join([",Name", *(name for name in "abc" for _ in range(3))])
+        heads = ("Format Version,1.2", kinds[0], names, kinds[1], kinds[2], "Frame,Time," + ",".join("XYZ" * 3))
+    values = 6 if kind == "trc" else 9
+    text = "\n".join([*heads, *(mark.join([*row, *["1.25"] * values]) for row in first)])
+    path.write_text(text[: -len("25,1.25")])
+    assert len(read_captured(path).stamps_ns) == 2
+    assert "ends within its last row, which is left out" in caplog.text
+    path.write_text(text)
+    assert len(read_captured(path).stamps_ns) == 3
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_names_and_ends_of_lines_of_other_systems_are_read(tmp_path: Path, encoding: str, end: str) -> None:
+    lines = (
+        *TRC[:3],
+        "Frame#\tTime\tHüfte\t\t\tKnie…",
+        "\t\tX1",
+        "1\t0\t1\t2\t3\t4\t5\t6",
+        "2\t0.1\t1\t2\t3\t4\t5\t6",
+        "",
+    )
+    (tmp_path / "a.trc").write_bytes(end.join(lines).encode(encoding))
+    assert [*read_captured(tmp_path / "a.trc").points] == ["Hüfte", "Knie…"]
+    bvh = ("HIERARCHY", "ROOT Hüfte", "{", "OFFSET 0 0 0", "CHANNELS 1 Xrotation", "}", "MOTION", "Frames: 2")
+    (tmp_path / "a.bvh").write_bytes(end.join([*bvh, "Frame Time: 0.1", "1", "2"]).encode(encoding))
+    assert [*read_captured(tmp_path / "a.bvh").points] == ["Hüfte"]
+
+
+def test_a_c3d_that_was_cut_off_is_named(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    import ezc3d
+
+    file = ezc3d.c3d()
+    file["parameters"]["POINT"]["RATE"]["value"] = [100.0]
+    file["parameters"]["POINT"]["LABELS"]["value"] = ["a"]
+    file["data"]["points"] = np.ones((4, 1, 300))
+    file.write(str(tmp_path / "whole.c3d"))
+    assert len(read_captured(tmp_path / "whole.c3d").stamps_ns) == 300
+    assert not caplog.records
+    content = (tmp_path / "whole.c3d").read_bytes()
+    (tmp_path / "cut.c3d").write_bytes(content[:-2000])
+    assert 100 < len(read_captured(tmp_path / "cut.c3d").stamps_ns) < 300
+    assert "its header says 300 frames, it has" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "told"),
+    [
+        ("a.csv", b"Format Version,1.2\n" + b"0" * 200_000, "field larger than field limit"),
+        ("a.tum", b"1 0 0 0 0 0 0 1\n2 0,5 0 0 0 0 0 1\n", "line 2: '0,5' is no number"),
+        ("a.tum", b"1 0 0 0 0 0 0 1\n2 0 0\n", "line 2: expected 8 numbers"),
+    ],
+)
+def test_damage_is_named_with_its_place(tmp_path: Path, name: str, content: bytes, told: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordingError, match=told):
+        read_captured(tmp_path / name)
