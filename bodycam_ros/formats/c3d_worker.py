@@ -42,7 +42,7 @@ def main() -> None:
         unit=str((parameters.get("UNITS", {}).get("value") or ["mm"])[0]).strip().lower(),
         up=str((parameters.get("Y_SCREEN", {}).get("value") or ["+Z"])[0]).strip().upper(),
         unread=unread,
-        stated=_stated(path, parameters),
+        stated=_stated(path),
     )
 
 
@@ -79,12 +79,11 @@ def _frames_beyond(path: str, parameters: Any, markers: int, frames: int) -> tup
     return positions.transpose(1, 0, 2), 0
 
 
-def _stated(path: str, parameters: Any) -> int:
-    """Frames by the header, or by POINT:FRAMES if that says fewer; 0 where 16 bits may have gone around."""
+def _stated(path: str) -> int:
+    """Frames by the header, since the library's POINT:FRAMES are those that it read; 0 where 16 bits are too few."""
     with open(path, "rb") as file:
         first, last = struct.unpack_from("<HH", file.read(_BLOCK), 6)
-    counts = [last - first + 1, *(int(count) for count in parameters.get("FRAMES", {}).get("value", [])[:1])]
-    return min((count for count in counts if count > 0), default=0) if first <= last < _MOST_COUNTED else 0
+    return last - first + 1 if first <= last < _MOST_COUNTED else 0
 
 
 def _declared(parameters: Any) -> int:

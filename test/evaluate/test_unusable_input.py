@@ -134,7 +134,7 @@ def test_the_truth_may_be_named_by_either_folder(solved: Path, truth: Path) -> N
         (
             "truth/segments/pelvis.tum",
             "1.0 2.0\n",
-            "pelvis.tum: cannot be read as a trajectory in TUM format: expected 8",
+            "pelvis.tum: cannot be read as a trajectory in TUM format: line 1: expected 8",
         ),
         ("truth/segments/pelvis.tum", "x 0 0 0 0 0 0 1\n" * 2, "pelvis.tum: cannot be read"),
         ("truth/segments/pelvis.tum", "1.0 0 0 0 0 0 0 1\n" * 2, "increasing stamps"),
