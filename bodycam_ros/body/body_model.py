@@ -80,9 +80,9 @@ class BodyModel(KinematicTree):
                 )
         for camera, mount in self.mounts.items():
             if mount.segment not in self.segments:
-                raise BodyError(f"camera {camera}: segment {mount.segment} is not among the segments")
+                raise BodyError(f"segment {mount.segment} is not among the segments", camera)
             if not np.isfinite(mount.segment_T_camera).all():
-                raise BodyError(f"camera {camera}: its place on segment {mount.segment} is not finite")
+                raise BodyError(f"its place on segment {mount.segment} is not finite", camera)
             check_within_reach(f"camera {camera}", mount.segment_T_camera)
 
     def cameras_on(self, segment: str) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from bodycam_ros.files.yaml_file import read_yaml
 
 _MOST_PARTS = 1000  # cameras, segments
 
-NOT_RECORDED = "is not in the recording; was it switched on? record again with it, or take it out of the rig"
+NOT_RECORDED = "is not in the recording; switch it on and record again, or remove it from the rig"
 """What is said of a camera of a rig or body that a recording lacks."""
 
 
@@ -48,7 +48,7 @@ class Rig:
             raise BodyError("the rig names no camera; write one line per camera, such as head: head")
         for camera, segment in self.cameras.items():
             if segment not in self.parents:
-                raise BodyError(f"camera {camera}: its segment {segment} is not among the segments")
+                raise BodyError(f"its segment {segment} is not among the segments", camera)
         for segment, parent in self.parents.items():
             if parent is not None and parent not in self.parents:
                 raise BodyError(f"segment {segment}: its parent {parent} is not among the segments")

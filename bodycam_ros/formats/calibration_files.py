@@ -124,7 +124,7 @@ def toml_text(stations: Iterable[StaticCamera]) -> str:
     for number, station in enumerate(stations):
         camera, camera_T_world = station.camera, inverse(station.world_T_camera)
         if camera.distortion_model not in ("plumb_bob", "rational_polynomial", "equidistant"):
-            raise LensError(f"camera {station.name}: TOML has no lens model {camera.distortion_model}")
+            raise LensError(f"TOML has no lens model {camera.distortion_model}", station.name)
         name = station.name.replace("\\", "\\\\").replace('"', '\\"')
         lines += [
             f"[cam_{number}]",

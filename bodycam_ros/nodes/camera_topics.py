@@ -193,7 +193,7 @@ class CameraModels:
             self._contents[camera] = content
             reason = printable(str(error))
             if reason != self.rejected.get(camera):
-                self._log.error(f"{reason}; the camera is left out until its driver sends a usable camera_info")
+                self._log.error(f"{reason}; the camera is not used until its driver sends a usable camera_info")
             self.rejected[camera] = reason
         else:
             self.rejected.pop(camera, None)

@@ -55,12 +55,13 @@ class DoctorInput:
     """Input of the doctor.
 
     Attributes:
-        recording: ros2 bag folder or file, a video, or a folder with videos.
+        recording: ros2 bag folder or file, a video, or a folder with videos or images, or with one for each camera.
         map: folder of the reference map; None: registration is not checked.
         body: body file, whose cameras are expected.
         rig: rig file of a range of motion, whose joints are to be exercised.
         board: description of the AprilTag board; None: board.yaml beside the recording, if it is there.
         lenses: folder with the lens YAMLs of videos; None: beside them.
+        rate: of images that are not named by their stamps [Hz].
         imu: bags with the inertial sensors, beside those in the recording.
         names: of the topics of a bag.
         span: the part of the recording that is checked.
@@ -72,6 +73,7 @@ class DoctorInput:
     rig: Path | None = None
     board: Path | None = None
     lenses: Path | None = None
+    rate: float | None = None
     imu: Sequence[Path] = ()
     names: TopicNames = AS_RECORDED
     span: TimeSpan = TimeSpan()
@@ -107,7 +109,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         if given.is_bag:
             recording = sample_bag(given.recording, sample_times, advance, given.names)
         else:
-            recording = sample_videos(given.recording, given.lenses, sample_times, advance)
+            recording = sample_videos(given.recording, given.lenses, sample_times, advance, given.rate)
     recording = sampled_part(recording, given.span)
     is_exercise = is_exercise and recording.is_simultaneous
     findings = [

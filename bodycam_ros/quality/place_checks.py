@@ -85,8 +85,7 @@ def check_field_of_view(
     with progress.step("lenses", len(doubted)) as advance:
         for camera in doubted:
             for match in find_mismatches(recording, [camera], names):
-                what = match.text.removeprefix(f"camera {camera}: ")
-                yield Finding(camera, Level.WRONG, what, check="lens")
+                yield Finding(camera, Level.WRONG, match.cause, check="lens")
             advance()
 
 

@@ -147,7 +147,7 @@ class BodyMessages:
         if not stamps:
             raise RecordingError(
                 f"{self._path}: none of {len(self._angles)} {JOINT_STATES} has an {ODOMETRY} of the same stamp and "
-                "finite values; were both recorded, and by one solver?"
+                "finite values; record both, from one solver"
             )
         poses, covariances = zip(*(self._root[stamp] for stamp in stamps), strict=True)
         angles = np.array([self._angles[stamp] for stamp in stamps]).reshape(len(stamps), len(self._names))
@@ -163,7 +163,7 @@ class BodyMessages:
             others = [name for name in column if name not in self._names]
             raise RecordingError(
                 f"{self._path}: {JOINT_STATES} lacks {few(missing, 6)}, which {ROBOT} has"
-                f"{', but has ' if others else ''}{few(others, 6)}; are both of the same body?"
+                f"{', but has ' if others else ''}{few(others, 6)}; both must be of the same body"
             )
         angles: Array = numbers(message.position, np.float64, len(message.name))[[column[n] for n in self._names]]
         return angles

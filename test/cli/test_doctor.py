@@ -86,10 +86,11 @@ def test_a_video_that_ingest_leaves_out_is_wrong_for_the_same_reason(
     for camera in ("head", "foot", "2nd-knee"):
         make_video(tmp_path / f"{camera}.mp4")
         write_lens(tmp_path / f"{camera}.yaml")
-    _, (fault,) = find_cameras([tmp_path], None)
+    _, causes = find_cameras([tmp_path], None)
     code, report = doctor(capsys, tmp_path)
-    assert code == 3 and "2nd-knee.mp4" in fault
-    assert [f["what"] for f in report["findings"] if f["check"] == "cameras" and f["level"] == "wrong"] == [fault]
+    assert code == 3 and "2nd-knee.mp4" in causes["2nd-knee"]
+    wrong = [finding for finding in report["findings"] if finding["check"] == "cameras" and finding["level"] == "wrong"]
+    assert [(each["subject"], each["what"]) for each in wrong] == [("2nd-knee", f"left out: {causes['2nd-knee']}")]
 
 
 def test_a_single_video_is_looked_at(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
