@@ -134,13 +134,12 @@ def camera_model(message: Message, camera: str) -> CameraModel:
         size = full.width, full.height
     if offset[0] + size[0] > full.width or offset[1] + size[1] > full.height or not all(size):
         raise LensError(
-            f"camera '{camera}': its camera_info has a region of interest of {size[0]}x{size[1]} pixels at "
-            f"{offset[0]}, {offset[1]}, which is not in an image of {full.width}x{full.height}"
+            f"its camera_info has a region of interest of {size[0]}x{size[1]} pixels at "
+            f"{offset[0]}, {offset[1]}, which is not in an image of {full.width}x{full.height}",
+            camera,
         )
     if min(size[0] // binning[0], size[1] // binning[1]) < 1:
-        raise LensError(
-            f"camera '{camera}': its camera_info has a binning of {binning[0]}x{binning[1]}: no pixel is left"
-        )
+        raise LensError(f"its camera_info has a binning of {binning[0]}x{binning[1]}: no pixel is left", camera)
     return part_of_image(full, offset, size, binning)
 
 
