@@ -33,6 +33,12 @@ from bodycam_ros.results.topics import (
     wrong_message_named,
 )
 
+GAP_FRAMES = 1.5
+"""States further apart than this are a gap [frames]; between others the body is known."""
+
+_WITHOUT_GAPS = 10
+"""Percentile of the steps between states that is a step without a gap."""
+
 
 @dataclass(frozen=True, eq=False)
 class SolvedBody:
@@ -64,6 +70,17 @@ class SolvedBody:
         if self.equipment is None:
             return np.ones(len(self.stamps_ns), bool)
         return np.isin(self.stamps_ns, self.equipment.stamps_ns[self.equipment.placed])
+
+    @cached_property
+    def step_ns(self) -> int:
+        """Time between two states without a gap [ns]; 1 of a single state."""
+        steps = np.diff(self.stamps_ns)
+        return int(np.percentile(steps, _WITHOUT_GAPS)) if len(steps) else 1
+
+    @cached_property
+    def longest_step_ns(self) -> float:
+        """States that are further apart have a gap between them [ns]."""
+        return GAP_FRAMES * self.step_ns
 
     @cached_property
     def world_T_segment(self) -> Array:
