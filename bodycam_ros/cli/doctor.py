@@ -34,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         "--rig",
         help="rig YAML; checks that all its cameras are in the recording. With --map the recording must be a range of "
-        "motion, and the exercise of every joint is checked (not in videos, of which only a few images are checked)",
+        "motion, and the exercise of every joint is checked, and whether cameras are exchanged (not in videos, "
+        "of which only a few images are checked: 'bodycam body' does it)",
     )
     add_option(
         parser,

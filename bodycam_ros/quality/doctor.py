@@ -19,6 +19,7 @@ from bodycam_ros.quality.place_checks import (
     check_field_of_view,
     check_registration,
     check_rest,
+    check_rig,
 )
 from bodycam_ros.quality.recording_checks import (
     IMAGE_CHECKS,
@@ -141,6 +142,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         if is_exercise and rig is not None:
             findings += check_rest(registered, rig.cameras)
             findings += check_exercise(registered, rig)
+            findings += check_rig(registered, rig)
     return findings
 
 
@@ -156,6 +158,6 @@ def skipped_checks(given: DoctorInput, findings: Sequence[Finding]) -> Iterator[
     if given.rig is None and given.body is None:
         yield "missing cameras (needs --rig for a range of motion, else --body)"
     if given.rig is not None and not given.is_bag:
-        yield "exercise of joints: videos have no common time yet, run 'bodycam ingest' first"
+        yield "exercise of joints, exchanged cameras: videos have no common time yet, run 'bodycam ingest' first"
     elif given.rig is not None and given.map is not None and not is_judged_by(findings, "exercise"):
-        yield "N-pose and exercise of joints; 'bodycam body' checks them with all images of the videos"
+        yield "N-pose, exercise of joints, exchanged cameras; 'bodycam body' checks them with all images of the videos"

@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import yaml
 from helpers.altered_sample import write_altered_sample
 from helpers.made_video import make_video, write_lens
 
@@ -67,6 +68,20 @@ def test_a_range_of_motion_is_judged_by_its_rig(capsys: pytest.CaptureFixture[st
     assert code == 0
     assert {"N-pose", "exercise"} <= {f["check"] for f in report["findings"]}
     assert not {p for p in problems(report) if p[0] != "exercise"}
+
+
+def test_exchanged_cameras_are_wrong_in_a_range_of_motion(
+    capsys: pytest.CaptureFixture[str], sample: Path, tmp_path: Path
+) -> None:
+    rom, other = sample / "rom", {"thigh_left": "thigh_right", "thigh_right": "thigh_left"}
+    given = yaml.safe_load((rom / "rig.yaml").read_text())
+    cameras = {camera: other.get(segment, segment) for camera, segment in given["cameras"].items()}
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(yaml.safe_dump({**given, "cameras": cameras}))
+    code, report = doctor(capsys, rom / "bag", "--map", sample / "map", "--rig", rig)
+    assert code == 3
+    (found,) = [finding for finding in report["findings"] if finding["check"] == "rig"]
+    assert found["level"] == "wrong" and "cameras are exchanged" in found["what"]
 
 
 def test_videos_are_looked_at_before_they_are_ingested(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
