@@ -98,7 +98,8 @@ def _usable(path: Path, cameras: Sequence[_Camera]) -> list[StaticCamera]:
         try:
             stations.append(make())
         except (StaticCameraError, LensError) as error:
-            faults.append(error if str(path) in str(error) else type(error)(f"{path}: {error}"))
+            # What is wrong with a lens is found without its file.
+            faults.append(type(error)(f"{path}: {error}") if error.camera else error)
             left_out.append(name)
     if not stations:
         raise (
