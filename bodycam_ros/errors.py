@@ -6,7 +6,16 @@ The command line and the nodes print the message alone; a traceback means a defe
 
 
 class BodycamError(Exception):
-    """Base of all errors that a user can mend."""
+    """Base of all errors that a user can mend.
+
+    Attributes:
+        camera: that it is about, if its message begins with one.
+        cause: the message without the camera, for a report that names cameras itself.
+    """
+
+    def __init__(self, cause: str, camera: str = "") -> None:
+        super().__init__(f"camera {camera}: {cause}" if camera else cause)
+        self.camera, self.cause = camera, cause
 
 
 class SettingsError(BodycamError):

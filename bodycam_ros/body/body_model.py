@@ -12,6 +12,7 @@ import numpy as np
 
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.geometry import Array
 from bodycam_ros.inertial.imu_calibration import ImuCalibration
 from bodycam_ros.kinematics.joint import check_within_reach
@@ -70,19 +71,23 @@ class BodyModel(KinematicTree):
         super().__post_init__()
         for segment in self.standing:
             if segment not in self.segments:
-                raise BodyError(f"{segment}, which stands in the world, is not among the segments")
+                raise BodyError(
+                    f"{segment}, which stands in the world, is not among the segments; "
+                    f"{other_than(segment, self.segments)}"
+                )
         for segment, girth in self.girths.items():
             if segment not in self.segments:
-                raise BodyError(f"girths: {segment} is not among the segments")
+                raise BodyError(f"girths: {segment} is not among the segments; {other_than(segment, self.segments)}")
             if not THINNEST <= girth <= THICKEST:
                 raise BodyError(
                     f"girths: {segment} is {girth:g} times as thick as people's; expected {THINNEST:g} to {THICKEST:g}"
                 )
         for camera, mount in self.mounts.items():
             if mount.segment not in self.segments:
-                raise BodyError(f"camera {camera}: segment {mount.segment} is not among the segments")
+                others = other_than(mount.segment, self.segments)
+                raise BodyError(f"segment {mount.segment} is not among the segments; {others}", camera)
             if not np.isfinite(mount.segment_T_camera).all():
-                raise BodyError(f"camera {camera}: its place on segment {mount.segment} is not finite")
+                raise BodyError(f"its place on segment {mount.segment} is not finite", camera)
             check_within_reach(f"camera {camera}", mount.segment_T_camera)
 
     def cameras_on(self, segment: str) -> tuple[str, ...]:

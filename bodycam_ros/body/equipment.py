@@ -132,7 +132,7 @@ def fitted_equipment(equipment: Equipment, body: BodyModel) -> Equipment:
         segments = ", ".join(sorted({each.body_segment for each in missing}))
         raise BodyError(f"equipment {equipment.name}: all of its attachments are to {segments}, which {has}")
     logger.warning(
-        "equipment %s: %d of %d attachments left out, since body %s does not have their segments: %s",
+        "equipment %s: %d of %d attachments are not used, since body %s does not have their segments: %s",
         equipment.name, len(missing), len(equipment.attachments), body.name,
         ", ".join(f"{each.name} (to {each.body_segment})" for each in missing),
     )  # fmt: skip

@@ -168,7 +168,7 @@ def attachment_of(name: str, entry: Any) -> Attachment:
             if not (0.0 == (far := float(np.linalg.norm(point))) or _LEAST_PLACE_MM <= far <= _MOST_MM):
                 raise BodyError(
                     f"{where}: pair {number}: {side} is in millimetres, but {shown(point)} is {far:.2g} mm from the "
-                    f"segment's origin; expected 0, or {_LEAST_PLACE_MM:g} to {_MOST_MM:g}. Is it in metres?"
+                    f"segment's origin; expected 0, or {_LEAST_PLACE_MM:g} to {_MOST_MM:g}; check its unit"
                 )
     intervals, detected = _holds(attachment.holds, f"{where}: holds")
     return Attachment(

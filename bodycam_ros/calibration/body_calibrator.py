@@ -151,7 +151,8 @@ class BodyCalibrator:
 
     def _check_rig(self, motion: CameraMotion) -> None:
         """Refuse a rig that has cameras on the wrong segments; raises RigError."""
-        if (misplaced := find_misplaced(self._rig, motion)) is None:
+        misplaced = find_misplaced(self._rig, motion.cameras, motion.world_T_camera, motion.known)
+        if misplaced is None:
             return
         cameras = dict(misplaced.cameras)
         with suppress(BodycamError):

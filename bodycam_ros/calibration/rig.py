@@ -15,11 +15,12 @@ import msgspec
 
 from bodycam_ros.body.checked_fields import Entry, Name, read_entry
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.files.yaml_file import read_yaml
 
 _MOST_PARTS = 1000  # cameras, segments
 
-NOT_RECORDED = "is not in the recording; was it switched on? record again with it, or take it out of the rig"
+NOT_RECORDED = "is not in the recording; switch it on and record again, or remove it from the rig"
 """What is said of a camera of a rig or body that a recording lacks."""
 
 
@@ -48,10 +49,13 @@ class Rig:
             raise BodyError("the rig names no camera; write one line per camera, such as head: head")
         for camera, segment in self.cameras.items():
             if segment not in self.parents:
-                raise BodyError(f"camera {camera}: its segment {segment} is not among the segments")
+                raise BodyError(
+                    f"its segment {segment} is not among the segments; {other_than(segment, self.parents)}", camera
+                )
         for segment, parent in self.parents.items():
             if parent is not None and parent not in self.parents:
-                raise BodyError(f"segment {segment}: its parent {parent} is not among the segments")
+                others = other_than(parent, (each for each in self.parents if each != segment))
+                raise BodyError(f"segment {segment}: its parent {parent} is not among the segments; {others}")
         roots = [segment for segment, parent in self.parents.items() if parent is None]
         if len(roots) != 1:
             raise BodyError(f"one segment must be the root, with null as its parent, not {len(roots)}: {roots}")

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from bodycam_ros.body.segment_name import LEFT, mirrored
-from bodycam_ros.calibration.camera_motion import CameraMotion
 from bodycam_ros.calibration.joint_centre import weighted_joint_centre
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RigError
@@ -59,19 +59,23 @@ class MisplacedCameras:
         )
 
 
-def find_misplaced(rig: Rig, motion: CameraMotion) -> MisplacedCameras | None:
+def find_misplaced(
+    rig: Rig, cameras: Sequence[str], world_T_camera: Array, known: NDArray[np.bool_]
+) -> MisplacedCameras | None:
     """Search for cameras that are exchanged, or on another segment than the rig says.
 
     Left and right of a whole limb fit either way; see ``exchanged_limbs``.
 
     Args:
         rig: which camera is on which segment.
-        motion: of the cameras.
+        cameras: (C) names.
+        world_T_camera: (T, C, 4, 4) poses of all cameras at T common stamps [m].
+        known: (T, C) whether a pose is known.
 
     Returns:
         None where the rig fits, or no change of it fits clearly better.
     """
-    gaps = _PairGaps(rig, motion)
+    gaps = _PairGaps(rig, cameras, world_T_camera, known)
     best = dict(rig.cameras)
     before = gaps.of(best)
     if max(before, default=0.0) < _SUSPICIOUS_M:
@@ -120,10 +124,10 @@ def refuse_rig(rig: Rig, cameras: Mapping[str, str], evidence: str) -> RigError:
 class _PairGaps:
     """How far pairs of cameras are from being on one segment, and on two that a joint holds together [m]."""
 
-    def __init__(self, rig: Rig, motion: CameraMotion) -> None:
-        self._rig, self._names = rig, list(motion.cameras)
-        rows = np.unique(np.linspace(0, len(motion.stamps_ns) - 1, _MAX_ROWS).round().astype(np.intp))
-        self._poses, self._known = motion.world_T_camera[rows], motion.known[rows]
+    def __init__(self, rig: Rig, cameras: Sequence[str], world_T_camera: Array, known: NDArray[np.bool_]) -> None:
+        self._rig, self._names = rig, list(cameras)
+        rows = np.unique(np.linspace(0, len(known) - 1, _MAX_ROWS).round().astype(np.intp))
+        self._poses, self._known = world_T_camera[rows], known[rows]
         self._rigid: dict[frozenset[str], float] = {}
         self._joint: dict[frozenset[str], float] = {}
 

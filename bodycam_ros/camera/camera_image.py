@@ -132,8 +132,9 @@ class FilePicture:
         depth = values.shape[2] if values.ndim == 3 else 1
         if name not in ENCODINGS or ENCODINGS[name].values != depth:
             raise RecordingError(
-                f"camera {self.camera}: the image of stamp {self.stamp_ns} ns claims to be {shown(self.encoding)}, "
-                f"but its file has {depth} values of {bits} bits a pixel"
+                f"the image of stamp {self.stamp_ns} ns claims to be {shown(self.encoding)}, "
+                f"but its file has {depth} values of {bits} bits a pixel",
+                self.camera,
             )
         return RawPicture(name, values)
 
@@ -153,8 +154,8 @@ def file_values(camera: str, stamp_ns: int, file: bytes, mode: int) -> NDArray[A
     values = _decoded(file, mode)
     if values is None:
         raise RecordingError(
-            f"camera {camera}: the image of stamp {stamp_ns} ns ({len(file)} bytes) "
-            "cannot be decoded; expected JPEG or PNG"
+            f"the image of stamp {stamp_ns} ns ({len(file)} bytes) cannot be decoded; expected JPEG or PNG",
+            camera,
         )
     return values
 
@@ -301,7 +302,7 @@ def _decodable(image: CameraImage, mode: int) -> NDArray[np.uint8] | Picture:
     if isinstance(image.content, RecordingError):
         raise image.content
     if isinstance(image.content, VideoPacket):
-        raise RecordingError(f"camera {image.camera}: a video's packet is no picture without those before it")
+        raise RecordingError("a video's packet is no picture without those before it", image.camera)
     if isinstance(image.content, bytes):
         return np.asarray(file_values(image.camera, image.stamp_ns, image.content, mode), dtype=np.uint8)
     if isinstance(image.content, np.ndarray):
@@ -314,6 +315,7 @@ def _check_pixels(camera: str, pixels: NDArray[Any]) -> None:
     is_image = pixels.ndim == 2 or (pixels.ndim == 3 and pixels.shape[2] == 3)
     if not is_image or pixels.dtype != np.uint8 or not pixels.size:
         raise RecordingError(
-            f"camera {camera}: an array of shape {pixels.shape} and type {pixels.dtype} is no image; expected uint8, "
-            "(height, width) grey or (height, width, 3) in the order blue, green, red"
+            f"an array of shape {pixels.shape} and type {pixels.dtype} is no image; expected uint8, "
+            "(height, width) grey or (height, width, 3) in the order blue, green, red",
+            camera,
         )

@@ -200,7 +200,7 @@ def _numbers(name: str, field: str, values: Iterable[float]) -> tuple[float, ...
 
 
 def _error(name: str, message: str) -> LensError:
-    return LensError(f"camera '{name}': {message}")
+    return LensError(message, name)
 
 
 def camera_info_yaml(camera: CameraModel) -> str:

@@ -43,6 +43,7 @@ def check_picture_size(file: bytes, lens: CameraModel) -> None:
     size = picture_size(file)
     if size is not None and size[0] * size[1] > _LARGER * lens.width * lens.height:
         raise RecordingError(
-            f"camera {lens.name}: image of {size[0]}x{size[1]} pixels, but its camera_info says "
-            f"{lens.width}x{lens.height}; it is not decoded"
+            f"image of {size[0]}x{size[1]} pixels, but its camera_info says {lens.width}x{lens.height}; "
+            "it is not decoded",
+            lens.name,
         )

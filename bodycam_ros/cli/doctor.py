@@ -24,7 +24,9 @@ EPILOG = (
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    recording_help = "ros2 bag folder or .mcap file, or a video or a folder with videos"
+    recording_help = (
+        "ros2 bag folder or .mcap file, a video, or a folder with videos or images, or with a folder for each camera"
+    )
     add_option(parser, "recording", metavar="RECORDING", help=recording_help)
     add_option(parser, "--map")
     add_option(parser, "--body", help="body YAML; checks that all its cameras are in the recording")
@@ -32,7 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         parser,
         "--rig",
         help="rig YAML; checks that all its cameras are in the recording. With --map the recording must be a range of "
-        "motion, and the exercise of every joint is checked (not in videos, of which only a few images are checked)",
+        "motion, and the exercise of every joint is checked, and whether cameras are exchanged (not in videos, "
+        "of which only a few images are checked: 'bodycam body' does it)",
     )
     add_option(
         parser,
@@ -40,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="description of the AprilTag board; checks that it is in view (default: board.yaml beside RECORDING)",
     )
     add_option(parser, "--lenses")
+    add_option(parser, "--rate")
     add_option(parser, "--imu")
     add_topics(parser)
     add_span(parser)

@@ -22,6 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--recording", metavar="BAG", help=bag_help)
     add_option(parser, "--imu")
     add_span(parser)
+    add_option(
+        parser,
+        "--normal",
+        metavar="CSV",
+        help="table of normal joint angles (columns joint,percent,mean,sd; hip, knee and ankle; degrees): a band in "
+        "angles.png where somebody walks",
+    )
     truth = parser.add_argument_group("against the truth or another system")
     truth.add_argument(
         "--truth",
@@ -73,7 +80,9 @@ def run(arguments: argparse.Namespace) -> int:
     check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
         with progress.step("reading and measuring", 1):
-            evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu), span)
+            evaluation = evaluate(
+                arguments.solved, arguments.truth, recording, options, tuple(arguments.imu), span, arguments.normal
+            )
         with progress.step("drawing", 1):
             overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
             views: tuple[ImageView, ...] = ()

@@ -66,12 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     times.add_argument(
         "--offsets", type=Path, metavar="YAML", help="start of each camera [s], as 'camera: 1.25' or a timing.yaml"
     )
-    parser.add_argument(
-        "--rate",
-        type=number(float, 1e-3, 1000.0, "Hz"),
-        metavar="HZ",
-        help="images per second of folders with images, if their names are not stamps",
-    )
+    add_option(parser, "--rate")
     parser.add_argument(
         "--scale",
         type=number(float, 0.05, 1.0),
@@ -91,19 +86,18 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     from bodycam_ros.calibration.rig import Rig
     from bodycam_ros.ingest.camera_offsets import find_offsets
+    from bodycam_ros.ingest.camera_remarks import left_out_lines, remark_lines
     from bodycam_ros.ingest.ingest import ingest, lens_remarks
-    from bodycam_ros.ingest.ingest_camera import find_cameras, left_out
+    from bodycam_ros.ingest.ingest_camera import find_cameras
     from bodycam_ros.ingest.timing_file import read_offsets, synchronous_offsets, write_timing_report
 
     report: Path = arguments.output.with_name(f"{arguments.output.name}_timing")
     _check_outputs(arguments, report)
     span = given_span(arguments)
     rig = None if arguments.rig is None else Rig.from_yaml(arguments.rig)
-    cameras, faults = find_cameras(arguments.videos, arguments.lenses, arguments.rate, arguments.scale)
-    if rig is not None:
-        # Those whose files cannot be used are named already.
-        refused = [camera for camera in rig.cameras if any(fault.startswith(left_out(camera, "")) for fault in faults)]
-        faults += rig.missing_cameras([*refused, *(camera.topic_name for camera in cameras)])
+    cameras, refused = find_cameras(arguments.videos, arguments.lenses, arguments.rate, arguments.scale)
+    present = {*refused, *(camera.topic_name for camera in cameras)}
+    missing = [] if rig is None else rig.missing_cameras(present)
     with shown_progress() as progress:
         if arguments.synchronous:
             offsets = synchronous_offsets([camera.name for camera in cameras])
@@ -114,14 +108,13 @@ def run(arguments: argparse.Namespace) -> int:
         summary = ingest(cameras, offsets, arguments.output, arguments.jobs, arguments.force, progress, span)
         write_timing_report(offsets, report)
         lenses = lens_remarks(cameras, progress) if arguments.check_lenses else []
-    missing = [*faults, *(left_out(camera, why) for camera, why in offsets.unplaced.items())]
-    missing += summary.faults
+    missing = [*left_out_lines(refused), *missing, *left_out_lines({**offsets.unplaced, **summary.left_out})]
     console = Terminal()
     print_sections(console, _tables(summary, offsets))
     for fault in merge_lines(missing):
         console.print(f"WARNING: {fault}", style="bold red")
-    of_streams = [remark for stream in summary.streams for remark in stream.remarks()]
-    for remark in merge_lines([*lenses, *offsets.remarks, *of_streams]):
+    of_streams = [line for stream in summary.streams for line in stream.remark_lines()]
+    for remark in merge_lines([*lenses, *remark_lines(offsets.remarks), *of_streams]):
         console.print(remark, style="red")
     frames = sum(stream.frames for stream in summary.streams)
     console.print(
@@ -166,7 +159,7 @@ def _tables(summary: "IngestSummary", offsets: "Offsets") -> Iterator[Section]:
             "imu_hz": stream.imu_samples / max(1e-9, source.video.facts.duration_s) or None,
             "encoding": _encoding(source),
         }
-    flagged = {stream.camera.name for stream in summary.streams if stream.remarks()}
+    flagged = {stream.camera.name for stream in summary.streams if stream.remark_lines()}
     yield column_table("the bag", "camera", _WRITTEN, written, flagged=flagged)
 
 

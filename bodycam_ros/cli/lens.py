@@ -24,7 +24,7 @@ _MODELS = ("equidistant", "fov", "plumb_bob", "rational_polynomial")
 _COLUMNS = (
     ("fx [px]", "fit.camera.fx", ".1f"), ("fy [px]", "fit.camera.fy", ".1f"), ("cx [px]", "fit.camera.cx", ".1f"),
     ("cy [px]", "fit.camera.cy", ".1f"), ("fitted [px]", "fit.median_px", ".3f"),
-    ("left out [px]", "median_px", ".3f"), ("rays [px]", "worst_ray_px", ".2f"),
+    ("held out [px]", "median_px", ".3f"), ("rays [px]", "worst_ray_px", ".2f"),
     ("corners [px]", "corner_px", ".1f"),
 )  # fmt: skip
 
@@ -98,7 +98,7 @@ def _text(calibration: LensCalibration, name: str, board: str) -> str:
     lens = calibration.chosen
     fx, fy, cx, cy = lens.lens_sigma[:4]
     lines = [
-        f"{_MARK} by {len(lens.fit.views)} pictures of {Path(board).name}; those left out are off by",
+        f"{_MARK} by {len(lens.fit.views)} pictures of {Path(board).name}; those held out are off by",
         f"# {lens.median_px:.3f} px (median), rays where the board was seen by up to {lens.worst_ray_px:.2f} px,",
         f"# in the corners {f'by up to {lens.corner_px:.1f} px' if np.isfinite(lens.corner_px) else 'without a ray'};",
         f"# standard deviations [px]: fx {fx:.2f}, fy {fy:.2f}, cx {cx:.2f}, cy {cy:.2f}",

@@ -86,6 +86,11 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
         "help": "folder with a lens YAML for each camera (default: beside its video), or a file of static cameras with "
         "their lenses (from 'bodycam stations', a TOML or a .qca.txt)",
     },
+    "--rate": {
+        "type": number(float, 1e-3, 1000.0, "Hz"),
+        "metavar": "HZ",
+        "help": "images per second of folders with images, if their names are not stamps",
+    },
     "--jobs": {"type": number(int, 1, 1000), "default": os.cpu_count() or 1},
 }  # fmt: skip
 """Options that several commands have; they are paths where no other type is given."""

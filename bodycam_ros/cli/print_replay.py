@@ -15,12 +15,12 @@ from bodycam_ros.replaying.replay_summary import ReplaySummary
 
 _COLUMNS = (
     ("images", "images", "d"), ("registered", "registered", ".1%"), ("dropped", "dropped", "d"),
-    ("missing", "missing", "d"), ("left out", "left_out", "d"), ("read-out [ms]", "readout", ""),
+    ("missing", "missing", "d"), ("not wanted", "left_out", "d"), ("read-out [ms]", "readout", ""),
 )  # fmt: skip
 _NOTE = (
     "registered: share of images with a pose in the map; dropped: images that could not be used; missing: images that "
-    "the recording counts but does not contain; left out: images beyond images.max_rate; read-out: time from the first "
-    "row to the last, 0 for a global shutter"
+    "the recording counts but does not contain; not wanted: images beyond images.max_rate; read-out: time from the "
+    "first row to the last, 0 for a global shutter"
 )
 
 

@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_equipment(parser)
     static_cameras_help = (
         "where static cameras of the same bag are, as 'bodycam stations' writes it; without --map its own frame is the "
-        "world, and body cameras are left out"
+        "world, and body cameras are not used"
     )
     add_option(parser, "--stations", help=static_cameras_help)
     add_option(parser, "--surface")

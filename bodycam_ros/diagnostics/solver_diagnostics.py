@@ -222,7 +222,7 @@ def _camera_statuses(pipeline: "SkeletonPipeline | None", what: str, late_s: Map
                 text = f"clock offset {1e3 * clock.latest.offset:+z.1f} ms, corrected"
         if (apart_s := own.apart_s) is not None and abs(apart_s) > _APART_S:
             side = "ahead of" if apart_s > 0 else "behind"
-            text = f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is left out"
+            text = f"its stamps are {abs(apart_s):.1f} s {side} the others'; it is not used"
             if -apart_s < 2.0 * late_s.get(camera, 0.0):
                 text = f"its {what} are {abs(apart_s):.1f} s late: its tracker or registration does not keep up"
             level = StatusLevel.ERROR

@@ -40,4 +40,7 @@ class StaticCameraDiagnostics:
             "confidence": round(confidence / total, 2) if total else "none",
             "unobserved": ", ".join(segment for segment in segments if not observed[segment]) or "none",
         }
-        return values, "" if total else "no segment of the body is observed; is it in front of the camera?"
+        return (
+            values,
+            "" if total else "no segment of the body is observed; check that the body is in front of the camera",
+        )

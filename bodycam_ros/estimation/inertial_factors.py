@@ -145,13 +145,13 @@ class InertialSensors:
             accelerometer = self._accelerometers.get(name, filtered)
             if filtered.was_wrong or filtered.is_wrong:
                 faults[name] = (
-                    f"contradicts the images ({filtered.contradicting} of {checked} times) and is left out; are its "
-                    "axes, its units (rad/s, m/s^2), its range and its stamps those of the range of motion?"
+                    f"contradicts the images ({filtered.contradicting} of {checked} times) and is not used; its "
+                    "axes, units (rad/s, m/s^2), range and stamps must be as in the range of motion"
                 )
             elif accelerometer.was_wrong or accelerometer.is_wrong:
                 faults[name] = (
-                    f"contradicts the images by its accelerometer ({accelerometer.contradicting} times), which is left "
-                    "out; are its axes and its unit (m/s^2) those of the range of motion?"
+                    f"contradicts the images by its accelerometer ({accelerometer.contradicting} times), which is not "
+                    "used; its axes and its unit (m/s^2) must be as in the range of motion"
                 )
             elif abs(filtered.delay) > _OTHER_DELAY_S:
                 faults[name] = (
@@ -160,8 +160,8 @@ class InertialSensors:
                 )
             elif not checked and images >= _LEAST_IMAGES and len(filtered.motion):
                 faults[name] = (
-                    "has no samples at the time of the images and is left out; do their clocks agree, and do samples "
-                    "arrive in time?"
+                    "has no samples at the time of the images and is not used; check that their clocks agree and that "
+                    "samples arrive in time"
                 )
             elif checked and self._late[name] > max(_LEAST_IMAGES, _LATE_SHARE * images):
                 faults[name] = (

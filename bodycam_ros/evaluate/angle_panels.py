@@ -1,6 +1,7 @@
 """The picture of joint angles, left and right in one panel: over the gait cycle, or over time where nobody walks."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 from matplotlib.lines import Line2D
@@ -10,6 +11,7 @@ from bodycam_ros.evaluate.anatomical_angles import LEG_JOINTS, flexion_angles
 from bodycam_ros.evaluate.figures import CycleFigures
 from bodycam_ros.evaluate.gait import MIN_STRIDES_OF_SIDE, SIDES, Stride
 from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, CycleAngle, cycle_angles
+from bodycam_ros.evaluate.normal_angles import NormalAngles
 from bodycam_ros.geometry import Array
 from bodycam_ros.results import picture_style as style
 from bodycam_ros.results.solved_recording import SolvedRecording
@@ -18,6 +20,7 @@ _JOINTS = (*LEG_JOINTS, "shoulder", "elbow")
 _WIDTH, _HEIGHT = 5.0, 3.2  # [in] of a panel
 _SIDE_COLOURS = {"left": style.LEFT, "right": style.RIGHT}
 _BAND_ALPHA = 0.2
+_NORMAL = style.FAINT
 _LABELS = {"ankle": "dorsiflexion [deg]"}
 
 
@@ -32,7 +35,7 @@ def solved_cycles(solved: SolvedRecording, strides: tuple[Stride, ...]) -> dict[
     return cycle_angles(solved.seconds(solved.stamps_ns), angles, strides)
 
 
-def cycle_figures(cycles: dict[tuple[str, str], CycleAngle]) -> dict[str, CycleFigures]:
+def cycle_figures(cycles: Mapping[tuple[str, str], CycleAngle]) -> dict[str, CycleFigures]:
     """The figures of joints over the gait cycle, by "knee, left"."""
     return {
         f"{joint}, {side}": CycleFigures(
@@ -46,18 +49,25 @@ def cycle_figures(cycles: dict[tuple[str, str], CycleAngle]) -> dict[str, CycleF
     }
 
 
-def draw_angles(solved: SolvedRecording, strides: tuple[Stride, ...], path: Path) -> bool:
+def draw_angles(
+    solved: SolvedRecording,
+    cycles: Mapping[tuple[str, str], CycleAngle],
+    path: Path,
+    normal: NormalAngles | None = None,
+) -> bool:
     """Write the picture as PNG; False, and no picture, of a body without any of the joints.
 
     Args:
         solved: the body.
-        strides: of its walk; without any, the angles are drawn over time.
+        cycles: (joint, side) -> its angle over the gait cycle; without any, the angles are drawn over time.
         path: to write to.
+        normal: drawn behind the gait cycles.
 
     Raises:
         OSError: the file cannot be written.
     """
-    angles, cycles = solved_angles(solved), solved_cycles(solved, strides)
+    angles = solved_angles(solved)
+    bands = normal.joints if normal is not None and cycles else {}
     joints = [joint for joint in _JOINTS if any((joint, side) in (cycles or angles) for side in SIDES)]
     if not joints:
         return False
@@ -70,6 +80,9 @@ def draw_angles(solved: SolvedRecording, strides: tuple[Stride, ...], path: Path
             if not joint:
                 axes.axis("off")
                 continue
+            if band := bands.get(joint):
+                low, high = band.mean - band.sd, band.mean + band.sd
+                axes.fill_between(CYCLE_PERCENT, low, high, color=_NORMAL, linewidth=0.0, zorder=0.5)
             for side, colour in _SIDE_COLOURS.items():
                 if cycle := cycles.get((joint, side)):
                     axes.plot(CYCLE_PERCENT, cycle.mean, color=colour, linewidth=1.6)
@@ -89,6 +102,8 @@ def draw_angles(solved: SolvedRecording, strides: tuple[Stride, ...], path: Path
         handles: list[Line2D | Patch] = [Line2D([], [], color=c, label=side) for side, c in _SIDE_COLOURS.items()]
         if any(cycle.strides >= MIN_STRIDES_OF_SIDE for cycle in cycles.values()):
             handles.append(Patch(color=style.QUIET, alpha=_BAND_ALPHA, label="± one standard deviation over strides"))
+        if normal is not None and bands:
+            handles.append(Patch(color=_NORMAL, label=f"normal ± one standard deviation ({normal.name})"))
         figure.legend(handles=handles, loc="lower center", ncols=len(handles))
         figure.subplots_adjust(
             left=0.7 / width, right=1.0 - 0.2 / width, bottom=0.85 / height, top=1.0 - 0.4 / height, wspace=0.2,

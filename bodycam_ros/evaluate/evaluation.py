@@ -1,7 +1,7 @@
 """A solved recording with all measures of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,9 @@ from bodycam_ros.evaluate.angle_panels import cycle_figures, solved_cycles
 from bodycam_ros.evaluate.comparison import Comparison, compare, read_true_motion
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.figures import EvaluationFigures, SameMotion, VerdictFigures, spread
-from bodycam_ros.evaluate.gait import Stride, solved_gait, solved_strides
+from bodycam_ros.evaluate.gait import solved_gait, solved_strides
+from bodycam_ros.evaluate.gait_cycle import CycleAngle
+from bodycam_ros.evaluate.normal_angles import NormalAngles, read_normal_angles
 from bodycam_ros.evaluate.sliding import sliding_figures
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
@@ -56,7 +58,8 @@ class Evaluation:
         agreement: with what another system captured, if that was given.
         gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
         made_from: what the recording was solved with.
-        strides: of the body, where it walks.
+        cycles: (joint, side) -> its angle over the gait cycle, where the body walks.
+        normal: angles of healthy people, if they were given.
     """
 
     solved: SolvedRecording
@@ -69,7 +72,8 @@ class Evaluation:
     agreement: Agreement | None
     gyroscopes: Mapping[str, camera_figures.GyroscopeResiduals]
     made_from: Provenance
-    strides: tuple[Stride, ...] = ()
+    cycles: Mapping[tuple[str, str], CycleAngle] = field(default_factory=dict)
+    normal: NormalAngles | None = None
 
     @property
     def truth_name(self) -> str:
@@ -86,6 +90,7 @@ def evaluate(
     options: AgreementOptions | None = None,
     imu_paths: Sequence[Path] = (),
     span: TimeSpan = _WHOLE,
+    normal_path: Path | None = None,
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -96,12 +101,14 @@ def evaluate(
         options: how what another system captured is compared; the clock of a recording's truth is ours.
         imu_paths: bags with the inertial sensors, beside the recording.
         span: the part of the recording that is evaluated.
+        normal_path: table of the normal angles of joints over the gait cycle, see ``normal_angles``.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
         LensError: the recording's intrinsics cannot be used.
     """
     is_other = truth_path is not None and is_captured(truth_path)
+    normal = None if normal_path is None else read_normal_angles(normal_path)
     captured = read_captured(truth_path) if truth_path is not None and is_other else None
     truth = None if truth_path is None or is_other else read_true_motion(truth_path)
     solved, made_from = part_of(read_solved(solved_path), span), Provenance.read(solved_path)
@@ -123,6 +130,7 @@ def evaluate(
     sensors = {name: s for name, s in read_imus(bags, cameras).items() if len(s) >= MIN_SAMPLES}
     gyroscopes = camera_figures.gyroscope_residuals(solved, sensors)
     strides = solved_strides(solved)
+    cycles = solved_cycles(solved, strides)
     figures = EvaluationFigures(
         duration_s=solved.duration_s,
         frame_s=1e-9 * solved.frame_ns,
@@ -144,11 +152,11 @@ def evaluate(
         same_motion=SameMotion(same_motion.likeness, same_motion.chance) if same_motion else None,
         agreement=agreement.figures() if agreement else None,
         gait=solved_gait(solved, strides, comparison),
-        gait_cycle=cycle_figures(solved_cycles(solved, strides)) or None,
+        gait_cycle=cycle_figures(cycles) or None,
         made_from=made_from.sources or None,
     )
     curves = blind, position_sigma, jitter
-    return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, strides)
+    return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, cycles, normal)
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

@@ -186,8 +186,8 @@ def static_camera_views(
                 views.append(_static_camera_view(solved, regions[name], [each for each in images if each is not None]))
     if not views:
         raise StaticCameraError(
-            f"{recording}: has no image of its static cameras ({', '.join(there)}) in the middle of {solved.path}; is "
-            "it the recording that this was solved from?"
+            f"{recording}: has no image of its static cameras ({', '.join(there)}) in the middle of {solved.path}; "
+            "give the recording that this was solved from"
         )
     return tuple(views)
 

@@ -36,6 +36,10 @@ _CAPTIONS = {
         "pull it outward or inward."
     ),
 }
+_NORMAL_CAPTION = (
+    " The grey band is normal by {name}: mean and one standard deviation between people. Compare its level only "
+    "if its zero is the N-pose too; its shape can be compared in any case."
+)
 _SECTIONS = {
     "angles.png": (ANGLES,),
     "joints.png": ("joints against the truth, mean", "joint angles by anatomical plane", "error of each joint"),
@@ -134,7 +138,7 @@ def write_report(
     with whole_files(folder) as unfinished:
         (unfinished / FIGURES).write_text(figures_text(figures))
         draw_summary(evaluation, unfinished / "summary.png")
-        draw_angles(evaluation.solved, evaluation.strides, unfinished / "angles.png")
+        draw_angles(evaluation.solved, evaluation.cycles, unfinished / "angles.png", evaluation.normal)
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
         if evaluation.gyroscopes:
@@ -142,9 +146,12 @@ def write_report(
         for views, key, name in ((overlay, BODY_KEY, "overlay.png"), (outside, STATIC_KEY, "outside.png")):
             if views:
                 draw_views(views, key, unfinished / name)
+        captions = dict(_CAPTIONS)
+        if evaluation.normal is not None and evaluation.cycles:
+            captions["angles.png"] += _NORMAL_CAPTION.format(name=evaluation.normal.name)
         pictures = {
             name: Picture((unfinished / name).read_bytes(), caption)
-            for name, caption in _CAPTIONS.items()
+            for name, caption in captions.items()
             if (unfinished / name).exists()
         }
         verdict = evaluation.verdict

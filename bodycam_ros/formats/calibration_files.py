@@ -114,7 +114,8 @@ def _usable(path: Path, cameras: Sequence[_Camera]) -> list[StaticCamera]:
         try:
             stations.append(make())
         except (StaticCameraError, LensError) as error:
-            faults.append(error if str(path) in str(error) else type(error)(f"{path}: {error}"))
+            # What is wrong with a lens is found without its file.
+            faults.append(type(error)(f"{path}: {error}") if error.camera else error)
             left_out.append(name)
     if not stations:
         raise (
@@ -140,7 +141,7 @@ def toml_text(stations: Iterable[StaticCamera]) -> str:
     for number, station in enumerate(stations):
         camera, camera_T_world = station.camera, inverse(station.world_T_camera)
         if camera.distortion_model not in ("plumb_bob", "rational_polynomial", "equidistant"):
-            raise LensError(f"camera {station.name}: TOML has no lens model {camera.distortion_model}")
+            raise LensError(f"TOML has no lens model {camera.distortion_model}", station.name)
         name = station.name.replace("\\", "\\\\").replace('"', '\\"')
         lines += [
             f"[cam_{number}]",

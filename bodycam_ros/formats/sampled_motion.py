@@ -19,8 +19,7 @@ from bodycam_ros.errors import RecordingError, SettingsError
 from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.results.body_motion import between_neighbours, interpolated, nearest_rows
-from bodycam_ros.results.solved_body import SolvedBody, plain_name
-from bodycam_ros.results.solved_recording import GAP_FRAMES
+from bodycam_ros.results.solved_body import GAP_FRAMES, SolvedBody, plain_name
 
 logger = logging.getLogger(__name__)
 

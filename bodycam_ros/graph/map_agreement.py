@@ -74,7 +74,7 @@ class MapAgreement:
             if said.is_refused:
                 what = f"its tracker uses map {said.of_tracks}, its registration map {said.map}: its tracks are refused"
             elif self.identity is not None and self.identity.contradicts(said.map):
-                what = f"it is registered in map {said.map}, the body is solved in map {self.identity}: it is left out"
+                what = f"it is registered in map {said.map}, the body is solved in map {self.identity}: it is not used"
             else:
                 continue
             yield Finding(camera, Level.WRONG, what, remedy=_REMEDY, check="map")

@@ -51,7 +51,7 @@ class ImageParameters(ManagedParameters):
         1.0,
         unit="s",
         limits=(0.0, 600.0),
-        reason="when an image has waited for longer the machine does not keep up, and every second one is left out "
+        reason="when an image has waited for longer the machine does not keep up, and every second one is dropped "
         "until it does again: before 'image_queue' is full; 0: never, where a slow machine is to catch up later",
         live=True,
     )

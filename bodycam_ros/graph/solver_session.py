@@ -151,7 +151,7 @@ class SolverSession:
         self._diagnostics.add_registration(camera, stamp_ns, matches.world_T_camera is not None)
         if not self._maps.add(matches, time.monotonic()):
             reason = (
-                f"camera {camera}: registered in map {matches.map_identity}, the body in map {before}; it is left out"
+                f"camera {camera}: registered in map {matches.map_identity}, the body in map {before}; it is not used"
             )
             self._dropped.add("registrations in another map", reason)
             return

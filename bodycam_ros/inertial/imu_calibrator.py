@@ -62,14 +62,14 @@ class RegisteredSensors:
             try:
                 calibration = calibrate_imu(camera, stamps_ns, poses.reshape(-1, 4, 4), samples)
             except RangeOfMotionError as error:
-                logger.warning("inertial sensor left out: %s", error)
+                logger.warning("inertial sensor not used: %s", error)
                 continue
             bias = float(np.linalg.norm(calibration.accelerometer_bias))
             if bias > _WRONG_M_S2:
                 logger.warning(
                     "camera %s: the accelerometer of its inertial sensor differs from the images by %.1f m/s^2, "
-                    "expected at most %.1f; the sensor is left out. Are its readings in m/s^2, with gravity, along the "
-                    "axes of its gyroscope?",
+                    "expected at most %.1f; the sensor is not used. Its readings must be in m/s^2, with gravity, along "
+                    "the axes of its gyroscope",
                     camera,
                     bias,
                     _WRONG_M_S2,
@@ -98,7 +98,7 @@ def calibrate_imu(
     if inside.sum() < _LEAST_IMAGES:
         raise RangeOfMotionError(
             f"camera {camera}: its inertial sensor has samples at {int(inside.sum())} of {len(stamps_ns)} registered "
-            f"images; a calibration needs {_LEAST_IMAGES}. Do the clocks of images and sensor agree?"
+            f"images; a calibration needs {_LEAST_IMAGES}. Check that the clocks of images and sensor agree"
         )
     images = _Images(stamps_ns[inside], world_T_camera[inside], samples)
     initial = _initial(camera, images)
@@ -106,8 +106,8 @@ def calibrate_imu(
     if (off_rad := _ROTATION_RAD * rotated.rms) > _WRONG_RAD:
         raise RangeOfMotionError(
             f"camera {camera}: its inertial sensor differs from the images by {np.degrees(off_rad):.2f} deg, expected "
-            f"at most {np.degrees(_WRONG_RAD):.2f}. Are its units rad/s and m/s^2, its axes right-handed, and its "
-            "stamps even?"
+            f"at most {np.degrees(_WRONG_RAD):.2f}. Its units must be rad/s and m/s^2, its axes right-handed, and its "
+            "stamps even"
         )
     turned = replace(
         _turned(initial, rotated.values),

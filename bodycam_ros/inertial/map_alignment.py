@@ -77,7 +77,7 @@ def align_to_gravity(poses: Mapping[str, RegisteredPoses], imus: Mapping[str, Im
         try:
             found = calibrate_imu(camera, *poses[camera], imus[camera])
         except RangeOfMotionError as error:
-            logger.warning("inertial sensor left out: %s", error)
+            logger.warning("inertial sensor not used: %s", error)
             continue
         # Its accelerometer was compared with a map whose scale and vertical were wrong.
         calibration = replace(found, accelerometer_bias=np.zeros(3), accelerometer_scale=np.ones(3))

@@ -15,6 +15,7 @@ import numpy as np
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.ingest.camera_remarks import CameraRemark, Causes
 from bodycam_ros.ingest.clock_fit import CameraTime, relative_to
 from bodycam_ros.ingest.frame_stream import for_each_camera
 from bodycam_ros.ingest.ingest_camera import IngestCamera
@@ -32,17 +33,16 @@ _ROUGH_S = 0.05  # the calibration of the body finds the rest of a clock that is
 _DOUBTFUL = 0.3  # confidence
 _MOST_NAMED = 4
 
-_WAYS = {"sound": "its sound", "motion": "its motion", "given": "the time of creation of its file"}
+_WAYS = {"sound": "its sound", "motion": "its motion", "given": "the creation time of its file"}
 """Source of clocks -> what it goes by."""
-
 
 _OLDEST = datetime(2005, 1, 1, tzinfo=UTC)  # an earlier clock was never set: cameras begin at 1904, 1970 or 2000
 _CREATION_SIGMA_S = 1.0
 _FILE_DRIFT_SIGMA = 5e-5
 
 
-FoundTimes = tuple[Mapping[str, CameraTime], Sequence[str]]
-"""Camera -> its clock, in the time of those known before or in one of its own; and remarks for the user."""
+FoundTimes = tuple[Mapping[str, CameraTime], Causes]
+"""Camera -> its clock, in the time of those known before or in one of its own; and camera without one -> why."""
 
 TimeSource = Callable[[Mapping[str, CameraTime]], FoundTimes]
 """Finds clocks; those already known are given."""
@@ -54,13 +54,13 @@ class SoundClocks:
 
     Attributes:
         times: camera -> its clock.
-        causes: camera that its sound does not place -> why, a sentence about it.
-        remarks: on sounds that break off.
+        causes: camera that its sound does not place -> why.
+        faults: camera whose sound breaks off -> where.
     """
 
     times: dict[str, CameraTime]
     causes: dict[str, str]
-    remarks: list[str]
+    faults: dict[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +71,13 @@ class Offsets:
         reference: camera whose media time is the recording's.
         times: camera -> its clock, in the order in which they were given.
         unplaced: camera without a clock, which is not in ``times`` -> why.
-        remarks: for the user, a line each, which names the camera.
+        remarks: for the user.
     """
 
     reference: str
     times: Mapping[str, CameraTime]
     unplaced: Mapping[str, str] = field(default_factory=dict)
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[CameraRemark, ...] = ()
 
 
 def find_offsets(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress) -> Offsets:
@@ -117,24 +117,32 @@ def camera_times(
         only = next(iter(sounds))
         return Offsets(only, {only: CameraTime()})
     by_sound = sound_clocks(sounds, segments, progress, intervals_s)
-    times, causes, remarks = by_sound.times, by_sound.causes, by_sound.remarks
+    times, causes, faults = by_sound.times, by_sound.causes, by_sound.faults
+    remarks: list[CameraRemark] = []
+    failed: dict[str, list[str]] = {name: [causes[name]] for name in causes}
+    for name, fault in faults.items():
+        if name in causes:
+            failed[name].append(fault)
+        else:
+            remarks.append((name, fault))
     for by, source in sources.items():
-        found, noticed = source(times)
-        # What a source cannot do for a camera that is placed already changes nothing.
-        useless = tuple(f"camera {name}: " for name in times)
-        remarks += [remark for remark in noticed if not remark.startswith(useless)]
-        remarks += add_times(by, found, times, causes)
+        found, why_not = source(times)
+        found = aligned(found, times)
+        remarks += contradictions(by, found, times)
+        for name, time in found.items():
+            if name not in times and name in causes:
+                times[name] = time
+                remarks.append((name, _found_by(by, time, failed[name])))
+        for name, why in why_not.items():
+            if name not in times and name in causes:
+                failed[name].append(why)
     placed = {name: times[name] for name in sounds if name in times}
-    reasons = {}
-    for name in (name for name in causes if name not in times):
-        own = [remark for remark in remarks if remark.startswith(f"camera {name}: ")]
-        remarks = [remark for remark in remarks if remark not in own]
-        reasons[name] = _reason(causes[name], sources, [remark.partition(": ")[2] for remark in own])
+    reasons = {name: _reason(failed[name], sources) for name in causes if name not in times}
     if len(placed) < 2:
         raise RecordingError(_unknown_clocks(reasons))
     unplaced = {name: f"{why}; {_GIVE_OFFSETS}" for name, why in reasons.items()}
     remarks += [
-        f"camera {name}: another start fits nearly as well (confidence {time.confidence:.2f})"
+        (name, f"its start is doubtful: another one fits nearly as well (confidence {time.confidence:.2f})")
         for name, time in placed.items()
         if time.confidence < _DOUBTFUL and time.start_sigma_s <= _ROUGH_S
     ]
@@ -149,14 +157,14 @@ def sound_clocks(
     intervals_s: Mapping[str, float] = MappingProxyType({}),
 ) -> SoundClocks:
     """Clocks by the sounds alone, and why the others have none; the arguments are those of ``camera_times``."""
-    scanned, remarks = _scan(sounds, progress)
+    scanned, faults = _scan(sounds, progress)
     without = {name: fault for name, sound in scanned.items() if (fault := _silence(sound))}
     # A camera in the middle of the body: claps reach it with the mean delay.
     middle = next((n for n in scanned if segments and segments.get(n) == "pelvis" and n not in without), "")
     times = _of_images(sound_times(scanned, middle, progress), intervals_s)
-    unlike = "its sound has too little in common with that of the other cameras, or fits it at several times"
+    unlike = "its sound does not match the sound of the other cameras, or matches it at several times"
     causes = {name: without.get(name, unlike) for name in sounds if name not in times}
-    return SoundClocks(times, causes, remarks)
+    return SoundClocks(times, causes, faults)
 
 
 def _of_images(times: Mapping[str, CameraTime], intervals_s: Mapping[str, float]) -> dict[str, CameraTime]:
@@ -175,7 +183,7 @@ def _of_images(times: Mapping[str, CameraTime], intervals_s: Mapping[str, float]
     }
 
 
-def _scan(sounds: Mapping[str, SoundSource], progress: Progress) -> tuple[dict[str, CameraSound], list[str]]:
+def _scan(sounds: Mapping[str, SoundSource], progress: Progress) -> tuple[dict[str, CameraSound], dict[str, str]]:
     """Scan all sounds, as many at once as there are cores; of a sound that breaks off, what was read counts."""
     faults: dict[str, str] = {}
 
@@ -183,10 +191,10 @@ def _scan(sounds: Mapping[str, SoundSource], progress: Progress) -> tuple[dict[s
         try:
             yield from takewhile(lambda _: not ended.is_set(), sounds[name]())
         except RecordingError as error:
-            faults[name] = str(error)
+            faults[name] = error.cause
 
     scanned = for_each_camera(sounds, lambda name, ended: scan_sound(blocks(name, ended)), "scanning sound", progress)
-    return scanned, [f"camera {name}: {faults[name]}" for name in sounds if name in faults]
+    return scanned, {name: faults[name] for name in sounds if name in faults}
 
 
 def _silence(sound: CameraSound) -> str:
@@ -196,42 +204,60 @@ def _silence(sound: CameraSound) -> str:
     return "its sound is silence" if sound.loudest <= 0.0 else ""
 
 
-def add_times(
-    by: str, found: Mapping[str, CameraTime], times: dict[str, CameraTime], causes: Mapping[str, str]
-) -> list[str]:
-    """Add the clocks that another source has; remarks on these cameras, and on those that it contradicts.
+def aligned(found: Mapping[str, CameraTime], times: Mapping[str, CameraTime]) -> dict[str, CameraTime]:
+    """The clocks that another source has, in the time of those known; none where both have no camera in common.
+
+    The shift between both is that of the most certain camera with which most cameras agree, as single clocks may be
+    minutes off, also the clock of the camera whose time is the recording's.
+
+    Args:
+        found: camera -> its clock by the source, in any time.
+        times: camera -> its clock by the sources before.
+    """
+    if not times:
+        return dict(found)
+    common = [name for name in found if name in times]
+    if not common:
+        return {}
+    sigmas_s = np.array([np.hypot(times[name].start_sigma_s, found[name].start_sigma_s) for name in common])
+    common = [common[row] for row in np.argsort(sigmas_s, kind="stable")]
+    sigmas_s = np.sort(sigmas_s)
+    shifts_s = np.array([times[name].start_s - found[name].start_s for name in common])
+    agree = np.abs(shifts_s[:, None] - shifts_s) <= _SIGMAS * np.hypot(sigmas_s[:, None], sigmas_s)
+    chosen = int(np.argmax(agree.sum(axis=1)))
+    shifted = {}
+    for name, time in found.items():
+        sigma_s = time.start_sigma_s if name == common[chosen] else np.hypot(time.start_sigma_s, sigmas_s[chosen])
+        shifted[name] = replace(time, start_s=time.start_s + float(shifts_s[chosen]), start_sigma_s=float(sigma_s))
+    return shifted
+
+
+def contradictions(by: str, found: Mapping[str, CameraTime], times: Mapping[str, CameraTime]) -> Iterator[CameraRemark]:
+    """Name the cameras whose clock another source has otherwise.
 
     Args:
         by: name of the source, a key of ``_WAYS``.
-        found: camera -> its clock by the source.
-        times: camera -> its clock by the sources before; it is added to.
-        causes: camera that its sound does not place -> why.
+        found: camera -> its clock by the source, as ``aligned`` returns it.
+        times: camera -> its clock by the sources before.
     """
-    common = [name for name in found if name in times]
-    common = [name for name in common if times[name].start_sigma_s == 0.0] or common
-    if times and not common:
-        return []
-    shift_s = float(np.median([times[n].start_s - found[n].start_s for n in common])) if common else 0.0
-    remarks = []
-    for name, time in found.items():
-        time = replace(time, start_s=time.start_s + shift_s)
-        if name not in times and name not in causes:
-            continue
-        if name not in times:
-            times[name] = time
-            within = f", to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
-            remarks.append(f"camera {name}: {causes[name]}; its clock was found by {_WAYS[by]}{within}")
-            continue
-        gap_s = time.start_s - times[name].start_s
-        sigma_s = float(np.hypot(time.start_sigma_s, times[name].start_sigma_s))
+    for name in (name for name in found if name in times):
+        gap_s = found[name].start_s - times[name].start_s
+        sigma_s = float(np.hypot(found[name].start_sigma_s, times[name].start_sigma_s))
         if abs(gap_s) > _SIGMAS * sigma_s:
             used = _WAYS[times[name].source]
             side = "later" if gap_s > 0.0 else "earlier"
-            remarks.append(
-                f"camera {name}: by {_WAYS[by]} it started {_span(abs(gap_s))} {side} than by {used}, "
-                f"{abs(gap_s) / sigma_s:.0f} sigmas; {used} is used"
+            yield (
+                name,
+                (
+                    f"by {_WAYS[by]} it started {_span(abs(gap_s))} {side} than by {used}, {abs(gap_s) / sigma_s:.0f} "
+                    f"sigmas; {used} is used"
+                ),
             )
-    return remarks
+
+
+def _found_by(by: str, time: CameraTime, failed: Sequence[str]) -> str:
+    within = f", to {time.start_sigma_s:.1g} s only: record a clap" if time.start_sigma_s > _ROUGH_S else ""
+    return f"{'; '.join(failed)}; its start was found by {_WAYS[by]}{within}"
 
 
 def _span(seconds: float) -> str:
@@ -241,12 +267,12 @@ def _span(seconds: float) -> str:
 _GIVE_OFFSETS = "record a clap, or give the starts of all cameras with --offsets (timing.yaml has those of the others)"
 
 
-def _reason(cause: str, tried: Collection[str], remarks: Sequence[str]) -> str:
-    """Why a camera has no clock: why its sound does not give it, and what was found otherwise or tried."""
-    if remarks:
-        return "; ".join([cause, *remarks])
-    ways = [_WAYS[each] for each in tried]
-    return cause + (f", and its start cannot be found by {' or by '.join(ways)}" if ways else "")
+def _reason(failed: Sequence[str], tried: Collection[str]) -> str:
+    """Why a camera has no clock: why its sound does not give it, and why other sources do not, or which were tried."""
+    cause, *others = failed
+    if others or not tried:
+        return "; ".join(failed)
+    return f"{cause}, and its start cannot be found by {' or by '.join(_WAYS[each] for each in tried)}"
 
 
 def _unknown_clocks(reasons: Mapping[str, str]) -> str:
@@ -269,7 +295,7 @@ def creation_times(videos: Sequence[CameraVideo | ImageFolder], known: Mapping[s
     }
     if first and not known:
         times[first] = CameraTime(confidence=0.0)
-    return times, ()
+    return times, {}
 
 
 def plausible_time(created: datetime | None) -> datetime | None:
@@ -292,6 +318,6 @@ def _motion(
             return None  # a video that cannot be decoded is named when it is written
 
     if all(name in known for name in by_name):
-        return {}, ()
+        return {}, {}
     speeds = for_each_camera(by_name, speed, "measuring rotation", progress)
     return motion_times({name: each for name, each in speeds.items() if each is not None}, rig)

@@ -54,7 +54,7 @@ class CameraFiles:
         )
 
 
-def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple[list[CameraFiles], list[str]]:
+def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple[list[CameraFiles], dict[str, str]]:
     """Sort files, and those in folders, into cameras.
 
     A folder with videos gives a camera per file, one with images a camera, one with folders of these a camera per
@@ -62,8 +62,8 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
     unless these have a lens YAML each, and so are cameras of their own.
 
     Returns:
-        The cameras by name, and what is wrong with those that are left out: several recordings of one name, or a name
-        that a topic cannot have.
+        The cameras by name, and camera that is left out -> why: several recordings of one name, or a name that a topic
+        cannot have.
 
     Raises:
         RecordingError: something given does not exist, is a bag, or has no video.
@@ -83,22 +83,22 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
     cameras: dict[str, dict[tuple[Path, ...], tuple[Path, ...]]] = {}
     for camera, paths in recordings:
         cameras.setdefault(camera, {})[tuple(path.resolve() for path in paths)] = paths
-    found, faults = [], []
+    found: list[CameraFiles] = []
+    causes: dict[str, str] = {}
     for camera, by_place in sorted(cameras.items()):
         names = " and ".join(str(paths[0]) for paths in by_place.values())
         if not _TOPIC_NAME.fullmatch(camera):
-            faults.append(
-                f"camera {camera}: left out: {names}: a topic cannot be named after it; rename it: letters, digits and "
-                "underscores, beginning with a letter"
+            causes[camera] = (
+                f"{names}: no topic can have this name; rename it (letters, digits, underscores; a letter first)"
             )
         elif len(by_place) > 1:
-            faults.append(
-                f"camera {camera}: left out: {names} are several recordings of one camera, which overlap in time; give "
-                "one of them, or name cameras apart"
+            causes[camera] = (
+                f"{names} are several recordings of one camera, which overlap in time; give one of them, or give each "
+                "camera its own name"
             )
         else:
             found.append(CameraFiles(camera, *by_place.values()))
-    return found, faults
+    return found, causes
 
 
 def _in_folder(folder: Path, lens_folder: Path | None) -> Recordings:

@@ -84,8 +84,8 @@ class FrameStream:
         """
         return heapq.merge(self._frames_until_fault(), self._imu_messages(), key=BY_STAMP)
 
-    def remarks(self) -> list[str]:
-        """For the user, when all frames were read: sentences that name the camera."""
+    def remark_lines(self) -> list[str]:
+        """For the user, when all frames were read: lines that name the camera."""
         remarks = []
         if self.fault:
             remarks.append(f"ends early: {self.fault}")
@@ -111,13 +111,13 @@ class FrameStream:
         try:
             yield from self._stamped_frames()
         except RecordingError as error:
-            self.fault = str(error)
+            self.fault = error.cause
 
     def _imu_messages(self) -> Iterator[SerializedMessage]:
         try:
             samples = read_inertial_samples(self.camera)
         except RecordingError as error:
-            self.imu_fault = str(error)
+            self.imu_fault = error.cause
             return
         if samples is None:
             return
@@ -227,13 +227,13 @@ def frame_remarks(camera: IngestCamera, read: int | None, without_key: int, unor
     if without_key:
         remarks.append(f"{without_key} frames before the first keyframe cannot be decoded")
     if unordered:
-        remarks.append(f"{unordered} frames left out: their time is out of order")
+        remarks.append(f"{unordered} frames dropped: their time is out of order")
     return remarks
 
 
 def imu_remark(fault: str) -> str:
     """What is said of a camera whose inertial sensor cannot be used, and why."""
-    return f"inertial sensor left out: {fault}"
+    return f"its inertial sensor is not used: {fault}"
 
 
 @contextmanager

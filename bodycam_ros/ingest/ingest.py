@@ -10,9 +10,10 @@ from threading import Event
 
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.ingest.camera_offsets import Offsets, plausible_time
+from bodycam_ros.ingest.camera_remarks import Causes, left_out_lines
 from bodycam_ros.ingest.clock_fit import CameraTime
 from bodycam_ros.ingest.frame_stream import BY_STAMP, FrameStream, for_each_camera, merged_ahead
-from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any, left_out
+from bodycam_ros.ingest.ingest_camera import IngestCamera, check_any
 from bodycam_ros.ingest.timing_file import TIMING_FILE, timing_text
 from bodycam_ros.lens.lens_check import LensMatch, match_images
 from bodycam_ros.progress import Progress
@@ -33,12 +34,12 @@ class IngestSummary:
 
     Attributes:
         streams: what was read of the cameras in the bag, by name.
-        faults: what is wrong with those that were left out, in sentences that name the camera.
+        left_out: camera that is not in the bag though it has a clock -> why.
         base: UTC of the recording's time 0.
     """
 
     streams: tuple[FrameStream, ...]
-    faults: tuple[str, ...]
+    left_out: Causes
     base: datetime
 
     @property
@@ -75,8 +76,8 @@ def ingest(
         OutputError: the bag cannot be written.
     """
     times = offsets.times
-    timed, faults = overlapping([camera for camera in cameras if camera.name in times], times)
-    check_any(timed, faults)
+    timed, causes = overlapping([camera for camera in cameras if camera.name in times], times)
+    check_any(timed, causes)
     base = _base(timed, times)
     base_ns = round(base.timestamp() * 1e6) * 1000
     threads = max(1, jobs // len(timed))
@@ -92,14 +93,15 @@ def ingest(
             for message in merged:
                 writer.write_serialized(*message)
                 advance(int("/image_raw" in message.topic))
-        faults += [_left_out(stream) for stream in streams if not stream.frames]
+        causes |= {stream.camera.name: _why_empty(stream) for stream in streams if not stream.frames}
         written = [stream for stream in streams if stream.frames]
-        check_any([stream.camera for stream in written], faults)
-        found = json.dumps([*faults, *(remark for stream in written for remark in stream.remarks())])
+        check_any([stream.camera for stream in written], causes)
+        remarks = (line for stream in written for line in stream.remark_lines())
+        found = json.dumps([*left_out_lines(causes), *remarks])
         for folder in {camera.video.path.parent for camera in timed}:  # equal videos elsewhere give an equal bag
             found = found.replace(f"{folder}/", "")
         writer.attach(_FINDINGS_FILE, "application/json", found, base_ns)
-    return IngestSummary(tuple(written), tuple(faults), base)
+    return IngestSummary(tuple(written), causes, base)
 
 
 def _window(span: TimeSpan, first_s: float) -> tuple[float, float]:
@@ -116,14 +118,15 @@ def _interval(camera: IngestCamera, times: Mapping[str, CameraTime]) -> tuple[fl
 
 def overlapping(
     cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]
-) -> tuple[list[IngestCamera], list[str]]:
-    """The cameras that run while another does, and a line about each of the others.
+) -> tuple[list[IngestCamera], dict[str, str]]:
+    """The cameras that run while another does, and why each of the others is left out: camera -> cause.
 
     Args:
         cameras: that have a clock.
         times: camera -> its clock.
     """
-    kept, faults = [], []
+    kept: list[IngestCamera] = []
+    causes: dict[str, str] = {}
     for camera in cameras:
         begin_s, end_s = _interval(camera, times)
         others = [_interval(other, times) for other in cameras if other.topic_name != camera.topic_name]
@@ -138,8 +141,8 @@ def overlapping(
             if end_s <= earliest_s
             else "runs while no other does"
         )
-        faults.append(left_out(camera.name, f"{camera.video.path} {when}; is it of this recording?"))
-    return kept, faults
+        causes[camera.name] = f"{camera.video.path} {when}; check that it is of this recording"
+    return kept, causes
 
 
 def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> datetime:
@@ -148,11 +151,10 @@ def _base(cameras: Sequence[IngestCamera], times: Mapping[str, CameraTime]) -> d
     return plausible_time(reference.video.facts.created) or _EPOCH
 
 
-def _left_out(stream: FrameStream) -> str:
+def _why_empty(stream: FrameStream) -> str:
     if not (stream.fault or stream.is_whole):
-        return left_out(stream.camera.name, f"{stream.camera.video.path} has no frame in that part")
-    why = stream.fault or f"none of the frames of {stream.camera.video.path} can be read"
-    return left_out(stream.camera.name, why)
+        return f"{stream.camera.video.path} has no frame in that part"
+    return stream.fault or f"none of the frames of {stream.camera.video.path} can be read"
 
 
 def lens_remarks(cameras: Sequence[IngestCamera], progress: Progress) -> list[str]:

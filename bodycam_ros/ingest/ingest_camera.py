@@ -13,6 +13,7 @@ from bodycam_ros.camera.camera_info import readout_time_from_yaml, scaled_camera
 from bodycam_ros.errors import BodycamError, LensError, RecordingError
 from bodycam_ros.files.shown import other_than
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
+from bodycam_ros.ingest.camera_remarks import Causes, left_out_lines
 from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
 from bodycam_ros.recording.camera_video import CameraVideo
 from bodycam_ros.recording.image_folder import ImageFolder
@@ -63,8 +64,8 @@ class IngestCamera:
 
 def find_cameras(
     given: Sequence[Path], lenses: Path | None, rate_hz: float | None = None, scale: float = 1.0
-) -> tuple[list[IngestCamera], list[str]]:
-    """The cameras among files and folders, by name, and what is wrong with those that cannot be used.
+) -> tuple[list[IngestCamera], dict[str, str]]:
+    """The cameras among files and folders, by name, and why others cannot be used: camera -> cause.
 
     Args:
         given: video files, and folders with videos or images.
@@ -75,34 +76,34 @@ def find_cameras(
     Raises:
         RecordingError: something given does not exist, a rate is given for videos, or no camera can be used.
     """
-    found, faults = find_videos(given, lenses)
+    found, causes = find_videos(given, lenses)
     if lenses is not None and not lenses.exists():
         raise RecordingError(
             f"{lenses}: does not exist; expected the folder of the lens YAMLs, or a file of static cameras"
         )
-    if rate_hz is not None and found and not any(files.are_images for files in found):
-        raise RecordingError("--rate is for folders with images; videos have the times of their frames: leave it out")
+    check_rate(found, rate_hz)
     cameras: list[IngestCamera] = []
     for files in found:
         try:
             cameras += load_camera(files, lenses, rate_hz, scale)
         except BodycamError as error:
-            faults.append(left_out(files.camera, str(error)))
-    check_any(cameras, faults)
-    return cameras, faults
+            causes[files.camera] = error.cause
+    check_any(cameras, causes)
+    return cameras, causes
 
 
-def left_out(camera: str, why: str) -> str:
-    """The line that names a camera that is not in the bag; the doctor of videos writes it as well."""
-    return f"camera {camera}: left out: {why}"
+def check_rate(found: Sequence[CameraFiles], rate_hz: float | None) -> None:
+    """Refuse a rate of images for videos alone."""
+    if rate_hz is not None and found and not any(files.are_images for files in found):
+        raise RecordingError("--rate is for folders with images; videos have the times of their frames: remove it")
 
 
-def check_any(cameras: Sequence[IngestCamera], faults: Sequence[str]) -> None:
-    """Refuse none, and one that is left of several."""
-    if len(cameras) > 1 or (cameras and not faults):
+def check_any(cameras: Sequence[IngestCamera], causes: Causes) -> None:
+    """Refuse none, and one that is left of several; ``causes``: camera that is left out -> why."""
+    if len(cameras) > 1 or (cameras and not causes):
         return
     left = f"only camera {cameras[0].name} of those given can be used" if cameras else "no camera can be used"
-    raise RecordingError(left + "".join(f"\n{fault}" for fault in faults))
+    raise RecordingError("\n".join([left, *left_out_lines(causes)]))
 
 
 def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, float | None, Path]:
@@ -119,10 +120,21 @@ def read_lens(files: CameraFiles, lenses: Path | None) -> tuple[CameraModel, flo
     if lenses is None or not lenses.is_file():
         path = files.lens_path(lenses)
         return camera_from_yaml(path, files.camera), readout_time_from_yaml(path), path
-    stations = read_static_cameras(lenses)
-    if files.camera not in stations:
-        raise LensError(f"{lenses}: has no camera {files.camera}; {other_than(files.camera, stations)}")
-    return stations[files.camera].camera, None, lenses
+    static_cameras = read_static_cameras(lenses)
+    if files.camera not in static_cameras:
+        raise LensError(f"{lenses}: has no camera {files.camera}; {other_than(files.camera, static_cameras)}")
+    return static_cameras[files.camera].camera, None, lenses
+
+
+def open_files(files: CameraFiles, rate_hz: float | None = None) -> CameraVideo | ImageFolder:
+    """What a camera recorded, by its header and its index; ``rate_hz``: see ``find_cameras``.
+
+    Raises:
+        RecordingError: its video or images cannot be used.
+    """
+    if files.are_images:
+        return ImageFolder.from_files(files.camera, files.paths, rate_hz)
+    return CameraVideo.of_files(files.camera, files.paths)
 
 
 def load_camera(
@@ -138,17 +150,13 @@ def load_camera(
         LensError, StaticCameraError: its lens is missing, cannot be used, or is for frames of another size.
         RecordingError: its video or images cannot be used, or are stabilised.
     """
-    video: CameraVideo | ImageFolder
-    if files.are_images:
-        video = ImageFolder.from_files(files.camera, files.paths, rate_hz)
-    else:
-        video = CameraVideo.of_files(files.camera, files.paths)
+    video = open_files(files, rate_hz)
     lens, readout_s, lens_path = read_lens(files, lenses)
     video.facts.check_size(video.path, lens, lens_path)
     if isinstance(video, CameraVideo) and (reason := video.stabilisation()):
         raise RecordingError(
-            f"{video.path}: was recorded with electronic stabilisation ({reason}), which moves and bends each image as "
-            "no fixed lens does; record with it off"
+            f"{video.path}: was recorded with electronic stabilisation ({reason}), which moves and bends each image, "
+            "so that no lens fits; switch it off and record again"
         )
     parts = video.parts() if isinstance(video, CameraVideo) else [video]
     return [IngestCamera(files.camera, part, lens, readout_s, scale) for part in parts]

@@ -28,22 +28,23 @@ _DRIFT_SIGMA = 7e-5  # of two cameras: each crystal is within 50 millionths
 _LINKED_SIGMA_S = 0.03  # of an offset: a limb leads or trails its neighbour by hundredths of a second
 
 
-def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> tuple[dict[str, CameraTime], list[str]]:
-    """Align the clocks of cameras by how they turned: camera -> its clock, and remarks for the user.
+def motion_times(
+    speeds: Mapping[str, AngularSpeed], rig: Rig | None = None
+) -> tuple[dict[str, CameraTime], dict[str, str]]:
+    """Align the clocks of cameras by how they turned: camera -> its clock, and camera without one -> why.
 
     Args:
         speeds: camera -> how it turned.
         rig: which camera is on which segment; without it all pairs are compared.
     """
     lively = {camera: speed for camera, speed in speeds.items() if _is_lively(speed)}
-    remarks = [
-        f"camera {camera}: its images show too little of its rotation (too dark, covered or without texture); its "
-        "clock cannot be aligned by motion"
+    causes = {
+        camera: "its images show too little of its rotation (too dark, covered or without texture)"
         for camera in speeds
         if camera not in lively
-    ]
+    }
     if not lively:
-        return {}, remarks
+        return {}, causes
     on_root = [camera for camera in lively if rig is not None and rig.cameras.get(camera) == rig.root]
     reference = next(iter(on_root or lively))
     signals = {camera: _even_motion(speed) for camera, speed in lively.items()}
@@ -55,20 +56,19 @@ def motion_times(speeds: Mapping[str, AngularSpeed], rig: Rig | None = None) -> 
     sure = {camera: offset for camera, offset in agreed.items() if offset.confidence >= confidence}
     for camera in lively:
         if rig is not None and camera not in rig.cameras:
-            remarks.append(
-                f"camera {camera}: is not among the cameras of the rig, so its clock cannot be aligned by motion; add "
-                "it to the rig"
+            causes[camera] = (
+                "it is not among the cameras of the rig, so its motion cannot be compared; add it to the rig"
             )
         elif camera not in sure:
-            remarks.append(
-                f"camera {camera}: its motion has too little in common with that of the cameras next to it, or fits it "
-                "at several times (turn the whole body to and fro once)"
+            causes[camera] = (
+                "its motion does not match the motion of the cameras next to it, or matches it at several times "
+                "(turn the whole body left and right once)"
             )
     times = {
         camera: CameraTime(each.samples / _RATE_HZ, 0.0, _LINKED_SIGMA_S, _DRIFT_SIGMA, "motion", each.confidence)
         for camera, each in sure.items()
     }
-    return times | {reference: CameraTime(source="motion")}, remarks
+    return times | {reference: CameraTime(source="motion")}, causes
 
 
 def _is_lively(speed: AngularSpeed) -> bool:

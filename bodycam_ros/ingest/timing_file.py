@@ -24,6 +24,7 @@ from bodycam_ros.files.shown import shown
 from bodycam_ros.files.whole_file import failure_named, whole_files, write_whole
 from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.ingest.camera_offsets import Offsets
+from bodycam_ros.ingest.camera_remarks import remark_lines
 from bodycam_ros.ingest.clock_fit import CameraTime, relative_to
 
 TIMING_FILE = "timing.yaml"
@@ -97,7 +98,7 @@ def timing_text(offsets: Offsets) -> str:
             for name, time in offsets.times.items()
         },
         "unplaced": dict(offsets.unplaced),
-        "remarks": list(offsets.remarks),
+        "remarks": remark_lines(offsets.remarks),
     }
     text = yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
     return f"# Clocks of the cameras: recording_s = start_s + (1 + drift_ppm / 1e6) * media_s\n{text}"

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
+from bodycam_ros.files.shown import other_than
 from bodycam_ros.geometry import Array, inverse, rigid
 from bodycam_ros.kinematics.joint import Joint
 from bodycam_ros.kinematics.tree_kernels import tree_poses
@@ -53,7 +54,10 @@ class KinematicTree:
         for joint in self.joints:
             for role, segment in (("parent", joint.parent), ("child", joint.child)):
                 if segment not in self.segments:
-                    raise BodyError(f"joint {joint.name}: {role} {segment} is not among the segments")
+                    raise BodyError(
+                        f"joint {joint.name}: {role} {segment} is not among the segments; "
+                        f"{other_than(segment, self.segments)}"
+                    )
         hung = {self.root, *(joint.child for joint in self.tree_joints)}
         loose = [segment for segment in self.segments if segment not in hung]
         if loose:

@@ -54,14 +54,14 @@ def _draw_errors(axes: Axes, calibration: LensCalibration) -> None:
     lens = calibration.chosen
     fit = calibration.chosen.fit
     radius = calibration.area.radius_px
-    note = f"left out: median {lens.median_px:.2f} px; rays where seen: {lens.worst_ray_px:.2f} px"
+    note = f"held out: median {lens.median_px:.2f} px; rays where seen: {lens.worst_ray_px:.2f} px"
     panel_title(axes, "Errors by distance from the centre", note)
     height, width = calibration.is_lit.shape
     at = np.linalg.norm(fit.pixels - 0.5 * np.array([width - 1, height - 1]), axis=1) / radius
     top = max(0.1, float(np.percentile(lens.errors_px, 98.0)) * 1.3)
     axes.scatter(at, np.minimum(lens.errors_px, top), s=3.0, c=QUIET, alpha=0.35, linewidths=0.0)
     for errors, colour, label in (
-        (lens.errors_px, INK, "pictures left out, median"),
+        (lens.errors_px, INK, "pictures held out, median"),
         (fit.errors_px, GOOD, "pictures fitted, median"),
     ):
         medians, edges, _ = binned_statistic(at, errors, "median", _BINS, (0.0, 1.0))

@@ -95,8 +95,8 @@ def calibrate_lens(
     if len(rough) < _MIN_VIEWS:
         raise LensError(
             f"{board.name}: {len(rough)} of {len(pictures)} pictures show this board; {_MIN_VIEWS} are needed, and "
-            "8 or more make a good lens. Is it the board's own file? Film it from near by, still, in bright light, "
-            "with all of it in the picture"
+            "8 or more make a good lens. Check that it is the file of this board. Film it from near by, still, "
+            "in bright light, with all of it in the picture"
         )
     fit = initial_fit(rough, width, height)
     if board.layout.kind != CHECKERBOARD:
@@ -166,7 +166,7 @@ def _check_one_camera(together: ValidatedLens, grid: Array) -> None:
         errors.append(own.median_px)
     if _is_beyond_chance(np.concatenate(gains), _TWO_CAMERAS):
         raise LensError(
-            f"pictures {' and '.join(large)} were taken by different cameras: pictures left out are off by "
+            f"pictures {' and '.join(large)} were taken by different cameras: pictures held out are off by "
             f"{together.median_px:.3f} px by one lens, by {max(errors):.3f} px by lenses of their own; give the "
             f"pictures of one camera, as in {next(iter(large))}"
         )

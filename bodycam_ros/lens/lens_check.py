@@ -94,10 +94,15 @@ class LensMatch:
 
     @property
     def text(self) -> str:
-        """A sentence: what contradicts the lens, and what to do."""
+        """What contradicts the lens, and what to do: a line that names the camera."""
+        return f"camera {self.camera}: {self.cause}"
+
+    @property
+    def cause(self) -> str:
+        """The line without the camera."""
         mode = next(mode for limit, mode in _MODES if self.scale <= limit)
         return (
-            f"camera {self.camera}: images do not fit its calibration (camera_info): points are "
+            f"images do not fit its calibration (camera_info): points are "
             f"{self.error_px:.1f} px off their epipolar lines, {self.best_px:.1f} px if focal lengths were "
             f"{self.scale:.2f} times as long, {mode}. Measure the lens in the mode that was recorded in "
             "(bodycam lens), or record in the lens' mode"

@@ -237,8 +237,8 @@ def fit_unplaced(camera: CameraModel, views: Sequence[BoardView]) -> LensFit:
     placed = [(view, found[0]) for view in views if (found := board_pose(camera, view)) is not None]
     if len(placed) < _MIN_VIEWS:
         raise LensError(
-            f"{len(placed)} of {len(views)} pictures fit any lens, {_MIN_VIEWS} are needed: is it the board's own "
-            "file, with its counts and sizes?"
+            f"{len(placed)} of {len(views)} pictures fit any lens, {_MIN_VIEWS} are needed: check that the file is "
+            "that of this board, with its counts and sizes"
         )
     return fit_lens(camera, [view for view, _ in placed], np.array([pose for _, pose in placed]))
 

@@ -86,7 +86,7 @@ def _of_one_size(pictures: list[LensImage]) -> list[LensImage]:
         )
     left_out = [picture for picture in pictures if _describe(picture) != most]
     logger.warning(
-        "%d of %d pictures are left out, since most have %s pixels: %s",
+        "%d of %d pictures are not used, since most have %s pixels: %s",
         len(left_out),
         len(pictures),
         most,

@@ -72,7 +72,7 @@ def measure_scale(poses: Mapping[str, RegisteredPoses], distances: Sequence[Know
         if scatter > _MAX_SCATTER:
             raise MapError(
                 f"{between}: changes by {100 * scatter:.0f} % during the recording, at most {100 * _MAX_SCATTER:g} % "
-                "is expected; are both on the same segment?"
+                "is expected; check that both are on the same segment"
             )
         scales.append(known.metres / length)
         sigmas.append(float(np.hypot(scatter / np.sqrt(len(lengths)), _TAPE_SIGMA_M / known.metres)))

@@ -67,11 +67,12 @@ def wrong_camera(*cameras: CameraModel) -> str:
     if len(cameras) > 1:
         given = ", ".join(f"{camera.name} {camera.distortion_model} {camera.fx:.0f} px" for camera in cameras)
         return (
-            f"Do the calibrations belong to the cameras? Given are: {given}. Each must be of the same lens, zoom and "
+            f"Check that the calibrations belong to the cameras: {given}. Each must be of the same lens, zoom and "
             "image size."
         )
     (camera,) = cameras
     return (
-        f"Does {CAMERA_FILE} belong to the camera that took the photographs? It gives {camera.distortion_model}, focal "
-        f"lengths {camera.fx:.0f} and {camera.fy:.0f} px; it must be of the same lens, zoom and image size."
+        f"Check that {CAMERA_FILE} belongs to the camera that took the photographs: "
+        f"{camera.distortion_model}, focal lengths {camera.fx:.0f} and {camera.fy:.0f} px; it must be of the same "
+        "lens, zoom and image size."
     )

@@ -49,7 +49,8 @@ def compressed_video(message: Message, camera: str) -> CameraImage:
     codec = _CODECS.get(str(message.format).lower())
     if codec is None:
         raise RecordingError(
-            f"camera {camera}: video of the format {shown(message.format)} is not supported; expected h264 or h265"
+            f"video of the format {shown(message.format)} is not supported; expected h264 or h265",
+            camera,
         )
     return CameraImage(camera, stamp_ns(message.timestamp), VideoPacket(codec, bytes(message.data)))
 
@@ -63,18 +64,21 @@ def raw_image(message: Message, camera: str) -> CameraImage:
     name = str(message.encoding)
     if name not in ENCODINGS:
         raise RecordingError(
-            f"camera {camera}: the image encoding {shown(name)} is not supported; {other_than(name, ENCODINGS)}"
+            f"the image encoding {shown(name)} is not supported; {other_than(name, ENCODINGS)}",
+            camera,
         )
     encoding = ENCODINGS[name]
     height, width, step = int(message.height), int(message.width), int(message.step)
     across, down = encoding.block
     bytes_per_row = width * encoding.values * encoding.bits // 8
     rows = int(height * encoding.rows)
-    size = f"camera {camera}: an image of {width}x{height} {name}"
+    size = f"an image of {width}x{height} {name}"
     if width % across or height % down:
-        raise RecordingError(f"{size} cannot be: its width must be a multiple of {across}, its height of {down}")
+        raise RecordingError(
+            f"{size} cannot be: its width must be a multiple of {across}, its height of {down}", camera
+        )
     if step < bytes_per_row or len(message.data) < rows * step or rows * width == 0:
-        raise RecordingError(f"{size} with rows of {step} bytes cannot have {len(message.data)} bytes")
+        raise RecordingError(f"{size} with rows of {step} bytes cannot have {len(message.data)} bytes", camera)
     data = numbers(message.data, np.uint8, len(message.data))[: rows * step].reshape(rows, step)[:, :bytes_per_row]
     stamp = stamp_ns(message.header.stamp)
     if name in _GREY:
@@ -130,13 +134,12 @@ def camera_model(message: Message, camera: str) -> CameraModel:
         size = full.width, full.height
     if offset[0] + size[0] > full.width or offset[1] + size[1] > full.height or not all(size):
         raise LensError(
-            f"camera '{camera}': its camera_info has a region of interest of {size[0]}x{size[1]} pixels at "
-            f"{offset[0]}, {offset[1]}, which is not in an image of {full.width}x{full.height}"
+            f"its camera_info has a region of interest of {size[0]}x{size[1]} pixels at "
+            f"{offset[0]}, {offset[1]}, which is not in an image of {full.width}x{full.height}",
+            camera,
         )
     if min(size[0] // binning[0], size[1] // binning[1]) < 1:
-        raise LensError(
-            f"camera '{camera}': its camera_info has a binning of {binning[0]}x{binning[1]}: no pixel is left"
-        )
+        raise LensError(f"its camera_info has a binning of {binning[0]}x{binning[1]}: no pixel is left", camera)
     return part_of_image(full, offset, size, binning)
 
 

@@ -37,7 +37,7 @@ _PERIODS = 60
 """Reports, of a second each, whose shortest period of images is a camera's usual one."""
 
 _BUSY = "images arrive faster than they are processed"
-_THINNED = "every second image left out, the machine does not keep up"
+_THINNED = "every second image dropped, the machine does not keep up"
 
 
 @dataclass
@@ -171,7 +171,7 @@ class CameraImages:
         is_late = 0.0 < self._stage.parameters.longest_wait < now_s - max(taken.arrival_s, since_s)
         if not self._thinning.leaves_out(taken.image.stamp_ns, is_late, now_s):
             return True
-        self._count_drop("images left out", _THINNED)
+        self._count_drop("images thinned out", _THINNED)
         return False
 
     def _add(self, transport: Transport, message: Message) -> None:
@@ -231,7 +231,7 @@ class CameraImages:
             rates = f"{1e9 / period_ns:.0f} images a second, and had {1e9 / usual_ns:.0f} before"
             level, text = StatusLevel.WARN, f"tracking, but the camera has {rates}"
         elif lost:
-            level, text = StatusLevel.WARN, f"tracking, but some input was left out: {self._dropped.latest}"
+            level, text = StatusLevel.WARN, f"tracking, but some input was dropped: {self._dropped.latest}"
         figures = {
             "images per second": tally.arrived,
             "tracked per second": tally.images,

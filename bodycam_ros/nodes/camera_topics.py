@@ -12,6 +12,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError
+from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.files.shown import printable
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import INFO, INFO_TYPE, camera_model
@@ -137,8 +138,10 @@ class CameraModels:
         cameras: their names.
         on_change: called when a camera's model is known, changes, or is rejected.
         on_info: called with the camera and the stamp [ns] of each camera_info.
+        logs: whether to log what is wrong, of all cameras in one line. The solver does: it reads every camera_info,
+            and sixteen trackers would log sixteen lines; all nodes have it in their diagnostics.
 
-    A camera whose camera_info is unusable is left out until it sends one that is not. An unusable one that comes after
+    A camera whose camera_info is unusable is not used until it sends one that is not. An unusable one that comes after
     a usable one changes nothing: anybody may have published it.
 
     Attributes:
@@ -153,8 +156,13 @@ class CameraModels:
         cameras: Iterable[str],
         on_change: Callable[[str], None],
         on_info: Callable[[str, int], None] = lambda camera, stamp_ns: None,
+        logs: bool = False,
     ) -> None:
-        self._log = stage.log
+        self._log, self._logs = stage.log, logs
+        self._errors: list[str] = []
+        self._warnings: list[str] = []
+        if logs:
+            stage.watch(self._log_lines)
         self._on_change = on_change
         self._on_info = on_info
         self._contents: dict[str, tuple[Any, ...]] = {}
@@ -188,19 +196,29 @@ class CameraModels:
             if camera in self.models:
                 if camera not in self._warned:
                     self._warned.add(camera)
-                    self._log.warning(f"{printable(str(error))}; the camera_info before it is used (reported once)")
+                    self._warnings.append(f"{printable(str(error))}; the camera_info before it is used (reported once)")
                 return
             self._contents[camera] = content
             reason = printable(str(error))
             if reason != self.rejected.get(camera):
-                self._log.error(f"{reason}; the camera is left out until its driver sends a usable camera_info")
+                self._errors.append(f"{reason}; the camera is not used until its driver sends a usable camera_info")
             self.rejected[camera] = reason
         else:
             self.rejected.pop(camera, None)
             if before is not None:
                 self.changes += 1
-                self._log.warning(f"camera {camera}: its camera_info has changed; restart")
+                self._warnings.append(f"camera {camera}: its camera_info has changed; restart")
+        if not self._logs:
+            self._errors, self._warnings = [], []
         self._on_change(camera)
+
+    def _log_lines(self) -> None:
+        """Log what was found since the last time, a line for equal findings on several cameras."""
+        errors, warnings, self._errors, self._warnings = self._errors, self._warnings, [], []
+        for line in merge_lines(errors):
+            self._log.error(line)
+        for line in merge_lines(warnings):
+            self._log.warning(line)
 
 
 def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tuple[float, ...]], object]) -> None:

@@ -70,7 +70,7 @@ class SolverStage(Stage[SolverParameters]):
             for station in session.stations
         }
         # Last: a node whose subscription to camera_info is discovered reads the rest too.
-        self._cameras = CameraModels(self, session.cameras, self._set_model, session.add_image)
+        self._cameras = CameraModels(self, session.cameras, self._set_model, session.add_image, logs=True)
         session.start()
         self.every(_POLL_S, self._poll)
 

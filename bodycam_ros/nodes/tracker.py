@@ -182,7 +182,11 @@ class TrackerStage(Stage[TrackerParameters]):
             "inertial sensor": self._sensor_state,
             "map": f"{self.parameters.map} ({self._identity})" if self._map is not None else "none",
         }
-        error = "" if self._track_count else "the images show nothing that can be tracked; is the lens covered?"
+        error = (
+            ""
+            if self._track_count
+            else "the images show nothing that can be tracked; check that the lens is not covered"
+        )
         self._track_count = self._keyframes = 0
         status = self._images.status(values, self._map_error or error)
         if reason := self._models.rejected.get(self.camera):

@@ -31,5 +31,5 @@ def unused_sensors(body: BodyModel, imus: Mapping[str, ImuSamples]) -> list[str]
     for camera in sorted(on_body.keys() - {*uncalibrated}):
         if not len(imus[camera]):
             reason = imus[camera].left_out or "there are none"
-            remarks.append(f"camera {camera}: its inertial sensor has no usable samples ({reason}); it is left out")
+            remarks.append(f"camera {camera}: its inertial sensor has no usable samples ({reason}); it is not used")
     return remarks

@@ -19,6 +19,7 @@ from bodycam_ros.quality.place_checks import (
     check_field_of_view,
     check_registration,
     check_rest,
+    check_rig,
 )
 from bodycam_ros.quality.recording_checks import (
     IMAGE_CHECKS,
@@ -55,12 +56,13 @@ class DoctorInput:
     """Input of the doctor.
 
     Attributes:
-        recording: ros2 bag folder or file, a video, or a folder with videos.
+        recording: ros2 bag folder or file, a video, or a folder with videos or images, or with one for each camera.
         map: folder of the reference map; None: registration is not checked.
         body: body file, whose cameras are expected.
         rig: rig file of a range of motion, whose joints are to be exercised.
         board: description of the AprilTag board; None: board.yaml beside the recording, if it is there.
         lenses: folder with the lens YAMLs of videos; None: beside them.
+        rate: of images that are not named by their stamps [Hz].
         imu: bags with the inertial sensors, beside those in the recording.
         names: of the topics of a bag.
         span: the part of the recording that is checked.
@@ -72,6 +74,7 @@ class DoctorInput:
     rig: Path | None = None
     board: Path | None = None
     lenses: Path | None = None
+    rate: float | None = None
     imu: Sequence[Path] = ()
     names: TopicNames = AS_RECORDED
     span: TimeSpan = TimeSpan()
@@ -107,7 +110,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         if given.is_bag:
             recording = sample_bag(given.recording, sample_times, advance, given.names)
         else:
-            recording = sample_videos(given.recording, given.lenses, sample_times, advance)
+            recording = sample_videos(given.recording, given.lenses, sample_times, advance, given.rate)
     recording = sampled_part(recording, given.span)
     is_exercise = is_exercise and recording.is_simultaneous
     findings = [
@@ -139,6 +142,7 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
         if is_exercise and rig is not None:
             findings += check_rest(registered, rig.cameras)
             findings += check_exercise(registered, rig)
+            findings += check_rig(registered, rig)
     return findings
 
 
@@ -154,6 +158,6 @@ def skipped_checks(given: DoctorInput, findings: Sequence[Finding]) -> Iterator[
     if given.rig is None and given.body is None:
         yield "missing cameras (needs --rig for a range of motion, else --body)"
     if given.rig is not None and not given.is_bag:
-        yield "exercise of joints: videos have no common time yet, run 'bodycam ingest' first"
+        yield "exercise of joints, exchanged cameras: videos have no common time yet, run 'bodycam ingest' first"
     elif given.rig is not None and given.map is not None and not is_judged_by(findings, "exercise"):
-        yield "N-pose and exercise of joints; 'bodycam body' checks them with all images of the videos"
+        yield "N-pose, exercise of joints, exchanged cameras; 'bodycam body' checks them with all images of the videos"

@@ -11,6 +11,7 @@ from bodycam_ros.boards.board import Board
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.calibration.rest_search import MAX_SHIFT_M, MAX_TURN_RAD
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.calibration.rig_check import find_misplaced
 from bodycam_ros.geometry import Array, inverse, log_so3, nearest_rotation
 from bodycam_ros.lens.lens_check import find_mismatches
 from bodycam_ros.progress import Progress
@@ -85,8 +86,7 @@ def check_field_of_view(
     with progress.step("lenses", len(doubted)) as advance:
         for camera in doubted:
             for match in find_mismatches(recording, [camera], names):
-                what = match.text.removeprefix(f"camera {camera}: ")
-                yield Finding(camera, Level.WRONG, what, check="lens")
+                yield Finding(camera, Level.WRONG, match.cause, check="lens")
             advance()
 
 
@@ -149,6 +149,31 @@ def check_exercise(registered: RegisteredSamples, rig: Rig) -> Iterator[Finding]
             yield Finding(named.joint, level, what, remedy=named.exercise, part="joint", check=check)
     if judged:
         yield good(check, f"{judged} joints were checked in the sampled images; more may have turned between these")
+
+
+def check_rig(registered: RegisteredSamples, rig: Rig) -> Iterator[Finding]:
+    """Find out whether cameras are on the segments that the rig of a range of motion has for them.
+
+    Samples are too few to tell which cameras are elsewhere: left and right of a limb fit about as well exchanged.
+    """
+    check = "rig"
+    numbers = sorted({number for camera in rig.cameras for number in registered.known(camera)})
+    poses = np.tile(np.eye(4), (len(numbers), len(rig.cameras), 1, 1))
+    known = np.zeros(poses.shape[:2], bool)
+    for column, camera in enumerate(rig.cameras):
+        for number, pose in registered.known(camera).items():
+            row = numbers.index(number)
+            poses[row, column], known[row, column] = pose, True
+    if not numbers:
+        return
+    misplaced = find_misplaced(rig, tuple(rig.cameras), poses, known)
+    if misplaced is not None:
+        what = (
+            "cameras are exchanged, or on other segments than in the rig: cameras of one segment or joint contradict "
+            f"each other by up to {1e3 * misplaced.gap_m:.0f} mm"
+        )
+        remedy = "run 'bodycam body', which names them; correct the rig, or the names of the files"
+        yield Finding("", Level.WRONG, what, remedy=remedy, part="recording", check=check)
 
 
 def _relative_rotations(registered: RegisteredSamples, rig: Rig, parent: str, segment: str) -> Array:

@@ -8,6 +8,7 @@ import numpy as np
 
 from bodycam_ros.calibration.rig import NOT_RECORDED
 from bodycam_ros.camera.model import size_mismatch
+from bodycam_ros.ingest.camera_remarks import left_out
 from bodycam_ros.quality.sampled_recording import Grey, SampledCamera, SampledRecording
 from bodycam_ros.recording.time_span import most_cameras_window
 from bodycam_ros.results.verdict import Finding, Level, LimitCheck, good, limit_level
@@ -23,16 +24,16 @@ def check_cameras(recording: SampledRecording, wanted: Collection[str] | None) -
     """
     check = "cameras"
     present = {camera.name for camera in recording.cameras}
-    for reason in recording.left_out:
-        yield Finding("", Level.WRONG, reason, part="recording", check=check)
+    for name, why in recording.left_out.items():
+        yield Finding(name, Level.WRONG, left_out(why), check=check)
     for name in sorted(set(wanted or ()) - present):
         yield Finding(name, Level.WRONG, NOT_RECORDED, check=check)
     for name in sorted(present - set(wanted)) if wanted is not None else ():
-        what, remedy = "is not in the rig or body", "it will be left out; is its name spelt as in the rig?"
+        what, remedy = "is not in the rig or body", "it will not be used; check its name in the rig"
         yield Finding(name, Level.DOUBTFUL, what, remedy=remedy, check=check)
     for camera in recording.cameras:
         if camera.fault:
-            yield Finding(camera.name, Level.WRONG, camera.fault.removeprefix(f"camera {camera.name}: "), check=check)
+            yield Finding(camera.name, Level.WRONG, camera.fault, check=check)
         elif not camera.images:
             what, remedy = "none of the sampled images is in the recording", "look at its recording; record again"
             yield Finding(camera.name, Level.WRONG, what, remedy=remedy, check=check)
@@ -45,7 +46,7 @@ _MIN_RATE_IMAGES = 3  # images of which a rate can be computed
 _GAP_S = 0.2  # limbs are interpolated for as long, fast ones wrong by 10 deg
 _LONG_GAP_S = 1.0  # a limb may do anything in this time
 _SKIPPED_INTERVALS = 2.5  # from here on an image is missing
-_SLOW_STORAGE = "a faster card, a shorter cable, fewer pixels or images a second; then record again"
+_SLOW_STORAGE = "use a faster card, a shorter cable, smaller images or a lower rate, then record again"
 
 
 def check_gaps(recording: SampledRecording) -> Iterator[Finding]:
@@ -90,7 +91,7 @@ def check_spans(recording: SampledRecording) -> Iterator[Finding]:
         shared_s = max(0.0, 1e-9 * (min(last_ns, end_ns) - max(first_ns, start_ns)))
         if level := limit_level(shared_s / max(whole_s, 1e-9), _SHORT, _HARDLY_ANY):
             what = f"runs for {shared_s:.1f} s of the {whole_s:.1f} s in which most cameras run"
-            remedy = "battery, card or cable? its segment is predicted for the rest"
+            remedy = "check its battery, card and cable; its segment is predicted for the rest of the time"
             yield Finding(name, level, what, remedy=remedy, check="span")
     yield good("span", f"three quarters of the cameras run together for {whole_s:.1f} s")
 
@@ -109,10 +110,10 @@ def check_clocks(recording: SampledRecording) -> Iterator[Finding]:
     for camera, each in off_s.items():
         if abs(each) > _MAX_CLOCK_OFFSET_S:
             what = f"its stamps are {abs(each):.2f} s {'ahead of' if each > 0 else 'behind'} those of the others"
-            remedy = "set all clocks by one (NTP, PTP), then record again"
+            remedy = "synchronise all clocks (NTP or PTP), then record again"
             yield Finding(camera, Level.WRONG, what, remedy=remedy, check=check)
     apart_ms = 1e3 * max(map(abs, off_s.values()), default=0.0)
-    yield good(check, f"stamps and times of recording {apart_ms:.0f} ms apart at most, from camera to camera")
+    yield good(check, f"clock offsets between cameras: {apart_ms:.0f} ms at most (stamps against times of recording)")
 
 
 def check_lens(recording: SampledRecording) -> Iterator[Finding]:
@@ -121,8 +122,7 @@ def check_lens(recording: SampledRecording) -> Iterator[Finding]:
     for camera in recording.cameras:
         lens = camera.lens
         if lens is None:
-            fault = camera.lens_fault.removeprefix(f"camera {camera.name}: ")
-            yield Finding(camera.name, Level.WRONG, fault, check="lens")
+            yield Finding(camera.name, Level.WRONG, camera.lens_fault, check="lens")
             continue
         sizes = {(grey.shape[1], grey.shape[0]) for grey in camera.images.values()} - {(lens.width, lens.height)}
         for size in sorted(sizes):
@@ -131,7 +131,7 @@ def check_lens(recording: SampledRecording) -> Iterator[Finding]:
         if not sizes:
             models.append(lens.distortion_model)
     if models:
-        yield good("lens", f"{len(models)} lenses ({', '.join(sorted(set(models)))}) for images of their size")
+        yield good("lens", f"{len(models)} lenses ({', '.join(sorted(set(models)))}) fit the size of their images")
 
 
 def _rate_hz(camera: SampledCamera) -> float:
@@ -222,34 +222,37 @@ def _feature_count(camera: SampledCamera) -> float:
 IMAGE_CHECKS: tuple[LimitCheck[SampledCamera], ...] = (
     # A walk was solved as well at 10 Hz as at 30; below it limbs turn too far in between.
     LimitCheck(
-        "rate", _rate_hz, 10.0, 1.0, "{:.1f} images a second", "set it to 10 or more, and look at what it recorded",
+        "rate", _rate_hz, 10.0, 1.0, "{:.1f} images a second", "set its rate to 10 Hz or more, and check its file",
         "{:.1f} to {:.1f} images a second",
     ),
     LimitCheck("gaps", _missing_share, 0.02, 0.2, "{:.0%} of its images are missing", _SLOW_STORAGE),
     LimitCheck(
-        "clocks", _backwards_share, 0.0, 0.05, "{:.1%} of its stamps are not after the one before",
-        "these images are left out; stamp images when they are taken",
+        "clocks", _backwards_share, 0.0, 0.05, "{:.1%} of its stamps do not increase",
+        "these images are not used; set its driver to stamp each image when it is taken",
     ),
     # Clocks of cameras drift by 10 to 100 ppm; more are stamps that jump.
     LimitCheck(
         "clocks", _drift_ppm, 300.0, np.inf, "its stamps drift by {:.0f} ppm",
-        "drifts of some 100 ppm are estimated from motion, not more",
+        "only drifts of some 100 ppm are estimated from the motion; check how its images are stamped",
     ),
     # Noise hides landmarks below 30; below 8 the lens is covered.
     LimitCheck(
         "exposure", _brightness, 30.0, 8.0, "is dark: median grey level {:.0f} of 255",
-        "more light, a longer exposure or more gain; is its lens free?", "median grey levels {:.0f} to {:.0f}",
+        "use more light, a longer exposure or more gain; check that its lens is free",
+        "median grey levels {:.0f} to {:.0f}",
     ),
-    LimitCheck("exposure", _white_share, 0.2, 0.5, "{:.0%} of its picture is white", "a shorter exposure or less gain"),
+    LimitCheck(
+        "exposure", _white_share, 0.2, 0.5, "{:.0%} of its picture is white", "use a shorter exposure or less gain"
+    ),
     LimitCheck(
         "blur", _blurred_share, 0.25, 0.75, "{:.0%} of its images are blurred",
-        "a shorter exposure (and more light), a tighter strap; is its lens clean and in focus?",
+        "use a shorter exposure (and more light) or a tighter strap; check that its lens is clean and in focus",
         "{:.0%} to {:.0%} of a camera's images are blurred",
     ),
     # A quarter are landmarks, a hundred of which fix a pose well.
     LimitCheck(
         "features", _feature_count, 150.0, 40.0, "{:.0f} features in an image",
-        "turn it away from bare walls and sky, hang up pictures, more light; does clothing cover it?",
+        "turn it away from bare walls and sky, hang up pictures or add light; check that no clothing covers it",
         "{:.0f} to {:.0f} features in an image",
     ),
 )  # fmt: skip

@@ -2,21 +2,24 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.camera.camera_image import CameraImage, decode_grey, read_image_file
 from bodycam_ros.errors import BodycamError, LensError, RecordingError, StaticCameraError
 from bodycam_ros.geometry import Array
-from bodycam_ros.ingest.find_videos import CameraFiles, find_videos
-from bodycam_ros.ingest.ingest_camera import IngestCamera, left_out, load_camera
+from bodycam_ros.ingest.camera_remarks import Causes, left_out, left_out_lines
+from bodycam_ros.ingest.find_videos import find_videos
+from bodycam_ros.ingest.ingest_camera import IngestCamera, check_rate, load_camera, open_files
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.video_file import DecodedFrame, frame_index, keyframe_near
@@ -86,7 +89,7 @@ class SampledRecording:
         times_s: (K,) times of the samples, since the start [s].
         is_synchronous: whether stamps of different cameras share a clock, as in a bag; ``bodycam ingest`` synchronises
             videos.
-        left_out: a line for each camera that cannot be read.
+        left_out: camera that cannot be read -> why.
         videos: that ingest would take; empty for a bag.
         is_simultaneous: whether samples of one number are of one time, in all cameras.
     """
@@ -95,7 +98,7 @@ class SampledRecording:
     duration_s: float
     times_s: Array
     is_synchronous: bool
-    left_out: tuple[str, ...] = ()
+    left_out: Causes = field(default_factory=dict)
     videos: tuple[IngestCamera, ...] = ()
     is_simultaneous: bool = True
 
@@ -159,7 +162,7 @@ def sample_bag(
             try:
                 images[camera][number] = decode_grey(image)
             except RecordingError as error:
-                faults.setdefault(camera, str(error))
+                faults.setdefault(camera, error.cause)
 
         for camera, numbered in videos.items():
             for number, image in numbered.items():
@@ -202,64 +205,86 @@ def _lens_or_fault(read: Callable[[], CameraModel]) -> tuple[CameraModel | None,
     try:
         return read(), ""
     except LensError as error:
-        return None, str(error)
+        return None, error.cause
 
 
 def sample_videos(
-    path: Path, lens_folder: Path | None, sample_times: SampleTimes, on_sample: Callable[[], None]
+    path: Path,
+    lens_folder: Path | None,
+    sample_times: SampleTimes,
+    on_sample: Callable[[], None],
+    rate_hz: float | None = None,
 ) -> SampledRecording:
-    """Sample videos, each at times of its own clock.
+    """Sample videos and folders of images, each at times of its own clock.
 
     Args:
-        path: folder with videos, or one of them.
+        path: folder with videos or images, or with a folder for each camera, or a video.
         lens_folder: with the lens YAMLs; None: beside the videos.
         sample_times: times to sample.
         on_sample: called after each, of all cameras together.
+        rate_hz: of images that are not named by their stamps.
 
     Raises:
         RecordingError: the path is missing, holds no video, or none that can be read.
     """
-    found, faults = find_videos([path], lens_folder)
-    videos: list[tuple[CameraFiles, CameraVideo]] = []
+    found, causes = find_videos([path], lens_folder)
+    check_rate(found, rate_hz)
+    videos: list[CameraVideo | ImageFolder] = []
     taken: list[IngestCamera] = []
     lens_faults: dict[str, str] = {}
     for files in found:
         try:
-            taken += load_camera(files, lens_folder)
-        except (LensError, StaticCameraError) as error:
-            lens_faults[files.camera] = left_out(files.camera, str(error))
+            videos.append(open_files(files, rate_hz))
         except BodycamError as error:
-            faults.append(left_out(files.camera, str(error)))
+            causes[files.camera] = error.cause
             continue
-        videos.append((files, CameraVideo.of_files(files.camera, files.paths)))
+        try:
+            taken += load_camera(files, lens_folder, rate_hz)
+        except (LensError, StaticCameraError) as error:
+            lens_faults[files.camera] = left_out(error.cause)
+        except BodycamError as error:
+            videos.pop()
+            causes[files.camera] = error.cause
     if not videos:
-        raise RecordingError("\n".join([f"{path}: no camera can be used", *faults]))
+        raise RecordingError("\n".join([f"{path}: no camera can be used", *left_out_lines(causes)]))
     lenses = {camera.topic_name: camera.lens for camera in taken}
-    duration_s = max(video.facts.duration_s for _, video in videos)
+    duration_s = max(video.facts.duration_s for video in videos)
     times_s = sample_times(duration_s)
-    keyframes: dict[str, dict[float, tuple[int, Grey]]] = {files.camera: {} for files, _ in videos}
+    samples: dict[str, dict[float, tuple[int, Grey]]] = {video.camera: {} for video in videos}
     undecodable: dict[str, str] = {}
     for number, seconds in enumerate(times_s.tolist()):
-        for files, video in videos:
+        for video in videos:
             try:
-                _add_keyframe(video, number, seconds, keyframes[files.camera])
+                _add_sample(video, number, seconds, samples[video.camera])
             except RecordingError as error:
-                undecodable.setdefault(files.camera, str(error))
+                undecodable.setdefault(video.camera, error.cause)
         on_sample()
     cameras = []
-    for files, video in videos:
-        name = files.camera
-        # B-frames are not stored in the order of time.
-        stamps_s = np.sort(np.concatenate([frame_index(each.path)[0] + each.start_s for each in video.chapters]))
-        images, fault = dict(keyframes[name].values()), undecodable.get(name, "")
+    for video in videos:
+        name, stamps_s = video.camera, _frame_times(video)
+        images, fault = dict(samples[name].values()), undecodable.get(name, "")
         lens, lens_fault = lenses.get(name), lens_faults.get(name, "")
         cameras.append(SampledCamera(name, lens, lens_fault, stamps_s, stamps_s, images, fault))
-    return SampledRecording(tuple(cameras), duration_s, times_s, False, tuple(faults), tuple(taken))
+    return SampledRecording(tuple(cameras), duration_s, times_s, False, causes, tuple(taken))
 
 
-def _add_keyframe(video: CameraVideo, number: int, seconds: float, known: dict[float, tuple[int, Grey]]) -> None:
-    """Add the keyframe before a time, unless it is that of an earlier sample."""
+def _frame_times(video: CameraVideo | ImageFolder) -> Array:
+    """(N,) media times of all frames [s], in order; B-frames are not stored so."""
+    if isinstance(video, ImageFolder):
+        return video.times_s
+    return np.sort(np.concatenate([frame_index(each.path)[0] + each.start_s for each in video.chapters]))
+
+
+def _add_sample(
+    video: CameraVideo | ImageFolder, number: int, seconds: float, known: dict[float, tuple[int, Grey]]
+) -> None:
+    """Add the keyframe before a time, or the image after it, unless it is that of an earlier sample."""
     if seconds > video.facts.duration_s:
+        return
+    if isinstance(video, ImageFolder):
+        row = min(int(np.searchsorted(video.times_s, seconds)), len(video.paths) - 1)
+        if (image_s := float(video.times_s[row])) not in known:
+            known[image_s] = number, np.asarray(read_image_file(video.paths[row], cv2.IMREAD_GRAYSCALE), np.uint8)
         return
     chapter = [chapter for chapter in video.chapters if chapter.start_s <= seconds][-1]
     found = keyframe_near(chapter.path, seconds - chapter.start_s)

@@ -137,7 +137,7 @@ def check_sensors(sensors: Mapping[str, ImuSamples]) -> Iterator[Finding]:
     for camera, samples in sorted(sensors.items()):
         if len(samples) < MIN_SAMPLES:
             why = f": {samples.left_out}" if samples.left_out else ""
-            what, remedy = f"its inertial sensor has {len(samples)} usable samples{why}", "it will be left out"
+            what, remedy = f"its inertial sensor has {len(samples)} usable samples{why}", "it will not be used"
             yield Finding(camera, Level.DOUBTFUL, what, remedy=remedy, check=_CHECK)
         else:
             found[camera] = sensor_quality(samples)

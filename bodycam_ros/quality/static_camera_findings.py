@@ -58,9 +58,11 @@ class StaticCameraLog:
         seconds = 1e-9 * (np.array(self._stamps_ns) - self._stamps_ns[0])
         for camera, count in self._misplaced.items():
             if (share := count / len(seconds)) > _MISPLACED_SHARE:
-                what = f"its images do not show the body where the others have it, for {share:.0%} of the time"
-                why = "its pose or lens is not that of the file, it was moved, or somebody stands before it"
-                remedy = "look at its images, else calibrate it anew; it was left out meanwhile"
+                what = f"its images contradict the body of the other cameras in {share:.0%} of the states"
+                why = "its pose or lens in the file is wrong, it was moved, or somebody stood in front of it"
+                remedy = (
+                    "look at its images; if nobody is in front of it, calibrate it again. It was not used in that time"
+                )
                 yield Finding(camera, Level.WRONG, what, why, remedy, check="misplaced")
         for segment, unsupported in self._unsupported.items():
             rows = np.array(sorted(unsupported))
@@ -72,18 +74,19 @@ class StaticCameraLog:
             spans = [(seconds[max(run[0] - _LATE, 0)], seconds[run[-1]]) for run in runs]
             is_wrong = max(lengths) > _WRONG_SPAN_S or sum(lengths) > _WRONG_SHARE * float(seconds[-1])
             when = ", ".join(f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans[:_MAX_SPANS])
-            when += f" and {len(spans) - _MAX_SPANS} times more" if len(spans) > _MAX_SPANS else ""
+            when += f" and {len(spans) - _MAX_SPANS} more" if len(spans) > _MAX_SPANS else ""
             yield Finding(
                 segment,
                 Level.WRONG if is_wrong else Level.DOUBTFUL,
-                f"the images do not show it where the body has it: {when}",
-                "the start did not place it, it was lost, or it has the colours of what is behind it",
-                "place it in the start, or let another camera see it; it counts as unobserved in that time",
+                f"the images do not show this segment at its solved pose: {when}",
+                "the start file does not have it, tracking lost it, or its colours are those of the background",
+                "add it to the start file, or add a camera that sees it; it counts as unobserved in that time",
                 part="segment",
                 check="unsupported",
             )
         for segment in wanted:
             if (share := self._observed[segment] / len(seconds)) < _MIN_SHARE:
-                what = f"static cameras observed it at {share:.0%} of their states, and it carries none"
-                why, remedy = "hidden, lost, or of the colours of what is behind it", "let another camera see it"
+                what = f"static cameras observed it in {share:.0%} of their states, and it carries no body camera"
+                why = "it was hidden, tracking lost it, or its colours are those of the background"
+                remedy = "add a static camera that sees it"
                 yield Finding(segment, Level.DOUBTFUL, what, why, remedy, part="segment", check="unobserved")

@@ -6,7 +6,14 @@ import numpy as np
 
 from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.ingest.camera_offsets import add_times, creation_times, image_intervals, sound_clocks
+from bodycam_ros.ingest.camera_offsets import (
+    aligned,
+    contradictions,
+    creation_times,
+    image_intervals,
+    sound_clocks,
+)
+from bodycam_ros.ingest.camera_remarks import left_out
 from bodycam_ros.ingest.frame_stream import frame_remarks, imu_remark
 from bodycam_ros.ingest.inertial_stream import read_inertial_samples
 from bodycam_ros.ingest.ingest import overlapping
@@ -14,10 +21,15 @@ from bodycam_ros.ingest.ingest_camera import IngestCamera
 from bodycam_ros.progress import Progress
 from bodycam_ros.quality.sensor_checks import check_sensors
 from bodycam_ros.recording.camera_video import CameraVideo
+from bodycam_ros.recording.image_folder import ImageFolder
 from bodycam_ros.recording.video_file import frame_index
 from bodycam_ros.results.verdict import Finding, Level, good
 
 _SOUND_REMEDY = "switch its sound on and clap; 'bodycam ingest' searches its clock by its motion, and may leave it out"
+_IMAGES_REMEDY = (
+    "'bodycam ingest' searches the clock of images by their motion, and may leave the camera out; --synchronous or "
+    "--offsets give it"
+)
 
 
 def check_videos(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Progress) -> Iterator[Finding]:
@@ -38,7 +50,7 @@ def check_videos(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Pro
         try:
             samples = read_inertial_samples(camera)
         except RecordingError as error:
-            yield Finding(camera.name, Level.DOUBTFUL, imu_remark(str(error)), check="sensors")
+            yield Finding(camera.name, Level.DOUBTFUL, imu_remark(error.cause), check="sensors")
             continue
         if samples is not None:
             sensors[camera.name] = samples
@@ -51,18 +63,21 @@ def _check_clocks(cameras: Sequence[IngestCamera], rig: Rig | None, progress: Pr
     segments = None if rig is None else rig.cameras
     sounds = {camera.name: camera.video.sound for camera in cameras}
     by_sound = sound_clocks(sounds, segments, progress, image_intervals(cameras))
-    for line in by_sound.remarks:
-        yield Finding("", Level.DOUBTFUL, line, part="recording", check=check)
+    for name, fault in by_sound.faults.items():
+        yield Finding(name, Level.DOUBTFUL, fault, check=check)
+    of_images = {camera.name for camera in cameras if isinstance(camera.video, ImageFolder)}
     for name, cause in by_sound.causes.items():
-        yield Finding(name, Level.DOUBTFUL, cause, remedy=_SOUND_REMEDY, check=check)
+        remedy = _IMAGES_REMEDY if name in of_images else _SOUND_REMEDY
+        yield Finding(name, Level.DOUBTFUL, cause, remedy=remedy, check=check)
     times = dict(by_sound.times)
     found, _ = creation_times([camera.video for camera in cameras], times)
-    for line in add_times("given", found, times, by_sound.causes):
-        # Those that it places are named above, and an ingest asks their motion first.
-        if not any(line.startswith(f"camera {name}: ") for name in by_sound.causes):
-            yield Finding("", Level.DOUBTFUL, line, part="recording", check=check)
-    for line in overlapping([camera for camera in cameras if camera.name in times], times)[1]:
-        yield Finding("", Level.WRONG, line, part="recording", check=check)
+    found = aligned(found, times)
+    for name, remark in contradictions("given", found, times):
+        yield Finding(name, Level.DOUBTFUL, remark, check=check)
+    # An ingest tries the motion of cameras without a sound before this; to doctor their files' times must do.
+    times |= {name: time for name, time in found.items() if name in by_sound.causes}
+    for name, why in overlapping([camera for camera in cameras if camera.name in times], times)[1].items():
+        yield Finding(name, Level.WRONG, left_out(why), check=check)
     if by_sound.times:
         yield good(check, f"the sounds of {len(by_sound.times)} videos give their clocks")
 

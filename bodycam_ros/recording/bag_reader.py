@@ -130,7 +130,7 @@ class Recording:
         self._topic_of(camera)
         topic = f"/{camera}{INFO}"
         if self._bag.topics.get(topic, INFO_TYPE) != INFO_TYPE:
-            raise LensError(f"camera {camera}: {topic} in {self.path} is {self._bag.topics[topic]}, not {INFO_TYPE}")
+            raise LensError(f"{topic} in {self.path} is {self._bag.topics[topic]}, not {INFO_TYPE}", camera)
         first: LensError | None = None
         for _, _, message in islice(self._bag.messages([topic]), _TRIED_INFOS):
             try:
@@ -141,10 +141,11 @@ class Recording:
             raise first
         if count := self._bag.message_count(topic):
             raise LensError(
-                f"camera {camera}: none of {count} messages on {topic} in {self.path} can be read: they are damaged, "
-                f"or of another definition of {INFO_TYPE}; copy the recording again"
+                f"none of {count} messages on {topic} in {self.path} can be read: they are damaged, "
+                f"or of another definition of {INFO_TYPE}; copy the recording again",
+                camera,
             )
-        raise LensError(f"camera {camera}: {self.path} has no message on {topic}; record it along with the images")
+        raise LensError(f"{self.path} has no message on {topic}; record it along with the images", camera)
 
     def readout(self, camera: str) -> Readout | None:
         """Read-out time of the camera, first on ``/<camera>/timing``; None if it is not there.
@@ -160,7 +161,7 @@ class Recording:
             try:
                 return readout_time(message)
             except ValueError as error:
-                raise RecordingError(f"camera {camera}: {topic} in {self.path} has {error}") from error
+                raise RecordingError(f"{topic} in {self.path} has {error}", camera) from error
         return None
 
     def clock_sigma(self, camera: str) -> float:
@@ -331,13 +332,13 @@ class Recording:
             return
         if image.stamp_ns < 0:
             logger.warning(
-                "camera %s: the stamp of an image is %d ns, before 1970; such images are left out, of all cameras",
+                "camera %s: the stamp of an image is %d ns, before 1970; such images are dropped, of all cameras",
                 image.camera,
                 image.stamp_ns,
             )
         else:
             logger.warning(
-                "camera %s: stamp %d ns follows %d ns; images whose stamp does not increase are left out, of all "
+                "camera %s: stamp %d ns follows %d ns; images whose stamp does not increase are dropped, of all "
                 "cameras",
                 image.camera,
                 image.stamp_ns,

@@ -62,16 +62,18 @@ class CameraVideo:
             facts = read_facts(path)
             if chapters and _overlap(chapters[-1], path, facts):
                 raise RecordingError(
-                    f"camera {camera}: {chapters[-1].path} and {path} overlap in time; chapters follow each other: "
-                    "give the files of one recording, each once"
+                    f"{chapters[-1].path} and {path} overlap in time; chapters follow each other: give the files of "
+                    "one recording, each once",
+                    camera,
                 )
             chapters.append(Chapter(path, facts, start_s))
             start_s += facts.duration_s
             first = chapters[0]
             if _form(facts) != _form(first.facts):
                 raise RecordingError(
-                    f"camera {camera}: {path} ({_describe(facts)}) does not go on from {first.path} "
-                    f"({_describe(first.facts)}); give the files of one recording"
+                    f"{path} ({_describe(facts)}) does not go on from {first.path} "
+                    f"({_describe(first.facts)}); give the files of one recording",
+                    camera,
                 )
         return cls(camera, tuple(chapters))
 

@@ -118,6 +118,6 @@ def _refused(image: CameraImage, reason: str) -> CameraImage:
     return replace(
         image,
         content=RecordingError(
-            f"camera {image.camera}: the video frame of stamp {image.stamp_ns} ns cannot be decoded: {reason}"
+            f"the video frame of stamp {image.stamp_ns} ns cannot be decoded: {reason}", image.camera
         ),
     )

@@ -177,8 +177,8 @@ class ReferenceMap:
         for name, values in arrays.items():
             if values.dtype.kind == "f" and not np.isfinite(values).all():
                 raise MapError(
-                    f"{path}: the map would have {name} that are not finite numbers, so it is not written; do the "
-                    "photographs, their camera.yaml and board.yaml belong together?"
+                    f"{path}: the map would have {name} that are not finite numbers, so it is not written; check "
+                    "that the photographs, their camera.yaml and board.yaml belong together"
                 )
         header = msgspec.to_builtins(_Header(VERSION, self.metric, self.gravity_aligned, self.grown))
         document = header | {name: value for name, value in self.summary.items() if name not in header}

@@ -264,7 +264,7 @@ def register_images(
         for camera, count in sorted(limit.left_out.items()):
             yield LeftOutImages(camera, stamp_ns, count)
         for camera, count in sorted((+recording.dropped).items()):
-            text = f"camera {camera}: stamps of {count} images do not increase, or are before 1970; they are left out"
+            text = f"camera {camera}: stamps of {count} images do not increase, or are before 1970; they are dropped"
             yield UnusableImages(camera, stamp_ns, "unordered", text, count)
         yield from missing_images(recording, stamp_ns)
 

@@ -196,19 +196,19 @@ def _nothing_solved(request: ReplayRequest, unusable: str) -> BodycamError:
         return StaticCameraError(f"{recording}: no image of a static camera could be used, so there is no motion")
     return MapError(
         f"no camera of {recording} could be registered in {request.map}, so there is no motion to write; "
-        "is it the map of another place, or are the images too dark or blurred?"
+        "check that this is the map of the place, and that the images are neither dark nor blurred"
     )
 
 
 def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection[str]) -> list[str]:
-    """Cameras that the recording has and the body carries; others that are no stations are warned about.
+    """Cameras that the recording has and the body carries; the user is warned of others that are no static cameras.
 
     Raises:
         BodyError: there are none, and no stations either.
     """
     if others := sorted(set(recording.cameras) - set(body.mounts) - set(stations)):
         logger.warning(
-            "%s: %d of its %d cameras are not on body %s and are left out: %s",
+            "%s: %d of its %d cameras are not on body %s and are not used: %s",
             recording.path, len(others), len(recording.cameras), body.name, ", ".join(others),
         )  # fmt: skip
     mounted = [camera for camera in recording.cameras if camera in body.mounts]
@@ -219,6 +219,6 @@ def _mounted_cameras(recording: Recording, body: BodyModel, stations: Collection
     if not mounted and not stations:
         raise BodyError(
             f"none of the cameras of {recording.path} ({', '.join(recording.cameras)}) is on body {body.name} "
-            f"({', '.join(body.mounts)}); is this the body of this recording?"
+            f"({', '.join(body.mounts)}); give the body of this recording"
         )
     return mounted

@@ -33,6 +33,12 @@ from bodycam_ros.results.topics import (
     wrong_message_named,
 )
 
+GAP_FRAMES = 1.5
+"""States further apart than this are a gap [frames]; between others the body is known."""
+
+_WITHOUT_GAPS = 10
+"""Percentile of the steps between states that is a step without a gap."""
+
 
 @dataclass(frozen=True, eq=False)
 class SolvedBody:
@@ -64,6 +70,17 @@ class SolvedBody:
         if self.equipment is None:
             return np.ones(len(self.stamps_ns), bool)
         return np.isin(self.stamps_ns, self.equipment.stamps_ns[self.equipment.placed])
+
+    @cached_property
+    def step_ns(self) -> int:
+        """Time between two states without a gap [ns]; 1 of a single state."""
+        steps = np.diff(self.stamps_ns)
+        return int(np.percentile(steps, _WITHOUT_GAPS)) if len(steps) else 1
+
+    @cached_property
+    def longest_step_ns(self) -> float:
+        """States that are further apart have a gap between them [ns]."""
+        return GAP_FRAMES * self.step_ns
 
     @cached_property
     def world_T_segment(self) -> Array:
@@ -147,7 +164,7 @@ class BodyMessages:
         if not stamps:
             raise RecordingError(
                 f"{self._path}: none of {len(self._angles)} {JOINT_STATES} has an {ODOMETRY} of the same stamp and "
-                "finite values; were both recorded, and by one solver?"
+                "finite values; record both, from one solver"
             )
         poses, covariances = zip(*(self._root[stamp] for stamp in stamps), strict=True)
         angles = np.array([self._angles[stamp] for stamp in stamps]).reshape(len(stamps), len(self._names))
@@ -163,7 +180,7 @@ class BodyMessages:
             others = [name for name in column if name not in self._names]
             raise RecordingError(
                 f"{self._path}: {JOINT_STATES} lacks {few(missing, 6)}, which {ROBOT} has"
-                f"{', but has ' if others else ''}{few(others, 6)}; are both of the same body?"
+                f"{', but has ' if others else ''}{few(others, 6)}; both must be of the same body"
             )
         angles: Array = numbers(message.position, np.float64, len(message.name))[[column[n] for n in self._names]]
         return angles

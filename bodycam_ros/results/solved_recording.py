@@ -22,7 +22,7 @@ from bodycam_ros.recording.bag_records import read_bag_records
 from bodycam_ros.registration.landmark_matches import LandmarkMatches, camera_sight
 from bodycam_ros.results.body_motion import between_neighbours
 from bodycam_ros.results.provenance import RECORDING
-from bodycam_ros.results.solved_body import BodyMessages, SolvedBody, missing_topic
+from bodycam_ros.results.solved_body import GAP_FRAMES, BodyMessages, SolvedBody, missing_topic
 from bodycam_ros.results.topics import (
     LANDMARKS,
     LANDMARKS_TYPE,
@@ -32,12 +32,6 @@ from bodycam_ros.results.topics import (
 )
 from bodycam_ros.results.verdict import VERDICT, VERDICT_TYPE, Verdict, parse_verdict
 from bodycam_ros.timing.clock_state import ClockHistory
-
-GAP_FRAMES = 1.5
-"""States further apart than this are a gap [frames]; between others the body is known."""
-
-_WITHOUT_GAPS = 10
-"""Percentile of the steps between states that is a step without a gap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +127,8 @@ class SolvedRecording(SolvedBody):
         return int(np.median(together)) if len(together) else 1
 
     @cached_property
-    def step_ns(self) -> int:
-        """Time between two states without a gap [ns]: a frame, unless another rate was asked for."""
-        steps = np.diff(self.stamps_ns)
-        return int(np.percentile(steps, _WITHOUT_GAPS)) if len(steps) else self.frame_ns
-
-    @cached_property
     def longest_step_ns(self) -> float:
-        """States that are further apart have a gap between them [ns]."""
+        """States that are further apart have a gap between them [ns]; states are no nearer than images."""
         return GAP_FRAMES * max(self.frame_ns, self.step_ns)
 
     @property

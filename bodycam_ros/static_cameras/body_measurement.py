@@ -120,8 +120,8 @@ class BodyMeasurement:
             information, vector, count, seen = self._track(evidence, f"round {number}")
             if seen < _MIN_SEEN:
                 raise RangeOfMotionError(
-                    f"static cameras observed only {seen:.0%} of the body's segments on average; is the start right "
-                    "for the first images, and are the cameras' poses right?"
+                    f"static cameras observed only {seen:.0%} of the body's segments on average; check that the "
+                    "start is right for the first images, and the poses of the cameras"
                 )
             step, sigmas = self._step(information, vector, lasting)
             lasting = lasting + step

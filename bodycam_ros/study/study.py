@@ -1,7 +1,7 @@
 """A study: which people were recorded where, and the steps from there to reports and exports."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -126,11 +126,13 @@ class Step:
         name: unique, as "walk: replay".
         parts: of the command line, without ``--jobs``; the first is the command. Paths are inputs, or the output.
         output: file or folder that it writes.
+        recording: name of the recording that it solves; empty for a step of a place or a subject.
     """
 
     name: str
     parts: tuple[str | Path, ...]
     output: Path
+    recording: str = ""
 
     @cached_property
     def inputs(self) -> tuple[Path, ...]:
@@ -187,7 +189,7 @@ def study_steps(study: Study, folder: Path) -> list[Step]:
                 flags = {"map": map_path, "rig": subject.rig, "config": study.settings}
                 bodies[name] = add(_named(name, "body"), "body", bag, output=results / "body.yaml", **flags)
     for recording in study.recordings:
-        name, results = recording.name, folder / "takes" / recording.name
+        first, name, results = len(steps), recording.name, folder / "takes" / recording.name
         bag = ingested(f"{name}: ingest", recording, results / "bag", study.subjects[recording.subject].rig)
         map_path, body = maps.get(recording.place), bodies[recording.subject]
         if map_path is None or body is None:
@@ -197,6 +199,7 @@ def study_steps(study: Study, folder: Path) -> list[Step]:
         add(f"{name}: evaluate", "evaluate", out, output=results / "report", recording=bag, truth=recording.truth)
         for form in study.exports:
             add(f"{name}: export {form}", "export", out, output=folder / "exports" / form / f"{name}.{form}", to=form)
+        steps[first:] = [replace(step, recording=name) for step in steps[first:]]
     return steps
 
 

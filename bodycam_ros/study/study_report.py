@@ -55,7 +55,7 @@ def read_results(
     """
     results = []
     for recording in study.recordings:
-        own = [step for step in steps if step.name.startswith(f"{recording.name}: ")]
+        own = [step for step in steps if step.recording == recording.name]
         report = next(step.output for step in own if step.stage == "evaluate")
         failure = next((failures[step.name] for step in own if step.name in failures), None)
         figures: dict[str, Any] = {}

@@ -68,8 +68,9 @@ def angular_speed(camera: CameraModel, images: Iterable[tuple[float, NDArray[np.
     for media_s, image in images:
         if image.shape != (camera.height, camera.width):
             raise RecordingError(
-                f"camera {camera.name}: image of {image.shape[1]}x{image.shape[0]} pixels, but its lens is for "
-                f"{camera.width}x{camera.height}; give the lens of the resolution that was recorded"
+                f"image of {image.shape[1]}x{image.shape[0]} pixels, but its lens is for "
+                f"{camera.width}x{camera.height}; give the lens of the resolution that was recorded",
+                camera.name,
             )
         if media_s <= previous_s:
             continue

@@ -193,11 +193,12 @@ class FeatureTracker:
         expected = (self.camera.height, self.camera.width)
         if image.shape != expected:
             size, of_lens = (image.shape[1], image.shape[0]), (self.camera.width, self.camera.height)
-            raise RecordingError(f"camera {self.camera.name}: {size_mismatch(of_lens, size)}")
+            raise RecordingError(size_mismatch(of_lens, size), self.camera.name)
         if self._image is not None and stamp_ns <= self._stamp_ns:
             raise RecordingError(
-                f"camera {self.camera.name}: stamp {stamp_ns} ns is not later than {self._stamp_ns} ns before it; "
-                "images must come in order of time"
+                f"stamp {stamp_ns} ns is not later than {self._stamp_ns} ns before it; images must come in "
+                "order of time",
+                self.camera.name,
             )
 
     def _follow_tracks(

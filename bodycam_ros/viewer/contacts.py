@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.solved_body import SolvedBody
-from bodycam_ros.results.solved_recording import GAP_FRAMES
 from bodycam_ros.results.stances import feet_of, find_stances, sole_of
 
 
@@ -33,7 +32,7 @@ def find_contacts(solved: SolvedBody) -> tuple[Contact, ...]:
     contacts = []
     if len(stamps_ns) > 1:
         soles = {foot: sole_of(solved, foot, solved.world_T_link[foot]) for foot in feet_of(solved)}
-        for foot, stances in find_stances(soles, stamps_ns, GAP_FRAMES * float(np.median(np.diff(stamps_ns)))).items():
+        for foot, stances in find_stances(soles, stamps_ns, solved.longest_step_ns).items():
             touches = np.zeros(soles[foot].shape[:2], bool)
             for point, first, last in stances:
                 touches[first:last, point] = True

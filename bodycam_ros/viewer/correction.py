@@ -43,7 +43,7 @@ class Part:
 class Move:
     """How far a part is from where it was, in the axes of the segment that carries it.
 
-    In the N-pose these are x forward, y left, z up (DESIGN 3).
+    In the N-pose these are x forward, y left, z up (docs/joints.md).
 
     Attributes:
         shift_mm: (3,) of its origin [mm].

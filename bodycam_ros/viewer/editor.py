@@ -18,7 +18,7 @@ _DECIMALS, _STEP_M = 4, 0.0001  # of the numbers
 
 
 class Edited(Protocol):
-    """What has parts, as ``Correction`` and ``Placement`` have."""
+    """Something with parts that a person moves: ``Correction`` or ``Placement``."""
 
     def moved_to(self, part: Any, pose: Array, /) -> Self:
         """The same with a part at a pose (4, 4) [m]."""

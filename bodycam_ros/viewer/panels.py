@@ -24,12 +24,12 @@ _NO_CAMERA = "none"
 _BLANK = np.full((12, 16, 3), 227, np.uint8)
 
 _PARTS = ((LEFT, "left"), (RIGHT, "right"), (SELECTED, "selected"))
-_CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera lost"))
+_CAMERAS = ((REGISTERED, "camera registered"), (LOST, "camera not registered"))
 _TIMELINE = ((SOME_LOST, "some lost (timeline)"),)
 _CONTACTS = ((TOUCHING, "a foot rests"),)
 _UNKNOWN = ((UNKNOWN, "camera"),)
 
-_HELP = "keys: space plays, ← → step, shift + ← → leap, Home and End; A W S D Q E ↑ ↓ move the view"
+_HELP = "keys: space plays, ← → step, shift + ← → half a second, Home and End; A W S D Q E ↑ ↓ move the view"
 
 # viser's page turns the view with the arrow keys, by a listener on the document: the keys below are handled by the
 # element beneath it, and stopped there. A checkbox would keep the keyboard. Only markup can be added to the page.

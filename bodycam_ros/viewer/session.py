@@ -125,7 +125,7 @@ class Session(Page):
         """How far the registered pose of a camera is from its pose on the body."""
         world_T_registered = self._sources.motion.registered_at(camera, self._index)
         if world_T_registered is None:
-            return "lost: not registered"
+            return "not registered at this time"
         gap = inverse(self._scene.world_T_camera(camera)) @ world_T_registered
         distance_mm, angle = 1e3 * np.linalg.norm(gap[:3, 3]), np.degrees(np.linalg.norm(log_so3(gap[:3, :3])))
         return f"registered pose: {distance_mm:.1f} mm, {angle:.2f} deg off"

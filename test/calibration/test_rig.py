@@ -26,6 +26,8 @@ def test_a_rig_is_read_and_what_carries_no_camera_is_left_out(tmp_path: Path) ->
         ("cameras: {a: arm}\nsegments: {pelvis: null}", ("arm",)),
         ("cameras: {a: x}\nsegments: {r: null, x: y, y: x}", ("x", "y")),
         ("cameras: {a: pelvis, b: head}\nsegments: {pelvis: null, torso: pelvis, head: torso}", ("torso",)),
+        (GOOD.replace("thigh: thigh_left", "thigh: thigh_lefd"), ("thigh_lefd", "did you mean thigh_left?")),
+        (GOOD.replace("hand_left: pelvis", "hand_left: pelvs"), ("pelvs", "did you mean pelvis?")),
         ("cameras: {a: pelvis}", ("segments",)),
         ("cameras: {a: pelvis", ()),
     ],

@@ -42,7 +42,7 @@ def k_with(**entries: float) -> list[float]:
     ],
 )
 def test_what_is_wrong_is_said(change: dict[str, Any], named: tuple[object, ...]) -> None:
-    with naming(LensError, "camera 'head'", *named):
+    with naming(LensError, "camera head", *named):
         camera_from_info("head", **{**GOOD, **change})
 
 

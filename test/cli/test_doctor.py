@@ -7,6 +7,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import yaml
 from helpers.altered_sample import write_altered_sample
 from helpers.made_video import make_video, write_lens
 
@@ -69,6 +70,20 @@ def test_a_range_of_motion_is_judged_by_its_rig(capsys: pytest.CaptureFixture[st
     assert not {p for p in problems(report) if p[0] != "exercise"}
 
 
+def test_exchanged_cameras_are_wrong_in_a_range_of_motion(
+    capsys: pytest.CaptureFixture[str], sample: Path, tmp_path: Path
+) -> None:
+    rom, other = sample / "rom", {"thigh_left": "thigh_right", "thigh_right": "thigh_left"}
+    given = yaml.safe_load((rom / "rig.yaml").read_text())
+    cameras = {camera: other.get(segment, segment) for camera, segment in given["cameras"].items()}
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(yaml.safe_dump({**given, "cameras": cameras}))
+    code, report = doctor(capsys, rom / "bag", "--map", sample / "map", "--rig", rig)
+    assert code == 3
+    (found,) = [finding for finding in report["findings"] if finding["check"] == "rig"]
+    assert found["level"] == "wrong" and "cameras are exchanged" in found["what"]
+
+
 def test_videos_are_looked_at_before_they_are_ingested(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for camera in ("head", "foot", "shin"):
         make_video(tmp_path / f"{camera}.mp4", frames=60)
@@ -86,10 +101,11 @@ def test_a_video_that_ingest_leaves_out_is_wrong_for_the_same_reason(
     for camera in ("head", "foot", "2nd-knee"):
         make_video(tmp_path / f"{camera}.mp4")
         write_lens(tmp_path / f"{camera}.yaml")
-    _, (fault,) = find_cameras([tmp_path], None)
+    _, causes = find_cameras([tmp_path], None)
     code, report = doctor(capsys, tmp_path)
-    assert code == 3 and "2nd-knee.mp4" in fault
-    assert [f["what"] for f in report["findings"] if f["check"] == "cameras" and f["level"] == "wrong"] == [fault]
+    assert code == 3 and "2nd-knee.mp4" in causes["2nd-knee"]
+    wrong = [finding for finding in report["findings"] if finding["check"] == "cameras" and finding["level"] == "wrong"]
+    assert [(each["subject"], each["what"]) for each in wrong] == [("2nd-knee", f"left out: {causes['2nd-knee']}")]
 
 
 def test_a_single_video_is_looked_at(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 import pytest
 import yaml
@@ -135,6 +136,27 @@ def of_another_day(folder: Path) -> None:
     make_video(folder / "head.mp4", frames=165, created="2024-05-01T12:10:00Z")
 
 
+def images(folder: Path) -> None:
+    """Images in place of a video, named by their stamps, in a folder of their own as the videos are."""
+    write_images(folder, lambda n: 1_714_564_800_000_000_000 + round(1e9 * n / RATE_HZ))
+
+
+def images_without_times(folder: Path) -> None:
+    write_images(folder, lambda n: n)
+
+
+def write_images(folder: Path, name: Callable[[int], int]) -> None:
+    """Write the frames of the head's video as images; each camera has a folder then."""
+    (folder / "head").mkdir()
+    with av.open(str(folder / "head.mp4")) as video:
+        for n, frame in enumerate(video.decode(video=0)):
+            cv2.imwrite(str(folder / "head" / f"{name(n):04d}.png"), frame.to_ndarray(format="gray"))
+    (folder / "head.mp4").unlink()
+    for path in (*folder.glob("*.mp4"), *folder.glob("*.yaml")):
+        (folder / path.stem).mkdir(exist_ok=True)
+        path.rename(folder / path.stem / path.name)
+
+
 def inertial_samples_in_degrees(folder: Path) -> None:
     rows = [f"{second:.3f},200,0,0,0,0,9.8" for second in np.arange(0.0, 5.0, 0.01)]
     (folder / "head.csv").write_text("\n".join(["time,gx,gy,gz,ax,ay,az", *rows]))
@@ -143,6 +165,7 @@ def inertial_samples_in_degrees(folder: Path) -> None:
 DAMAGES = (
     nothing, no_lens, lens_of_another_size, damaged_lens, cut_off, cut_off_behind_its_index, empty, no_video,
     name_of_no_topic, two_of_one_name, no_sound, silent, short, of_another_day, inertial_samples_in_degrees,
+    images, images_without_times,
 )  # fmt: skip
 
 
@@ -187,7 +210,7 @@ def test_the_doctor_says_what_the_ingest_says(
     damage(videos)
     if damage is of_another_day:
         # Its pictures move as the others' do, and motion would put it at their time.
-        monkeypatch.setattr("bodycam_ros.ingest.camera_offsets._motion", lambda *_: ({}, ()))
+        monkeypatch.setattr("bodycam_ros.ingest.camera_offsets._motion", lambda *_: ({}, {}))
     code, lines = ingest_lines(capsys, videos, videos.parent / "bag")
     doctor_code, found = doctor_findings(capsys, videos)
     if damage is nothing:

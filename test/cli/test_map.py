@@ -233,7 +233,7 @@ def test_the_intrinsics_of_another_camera_are_named(few, tmp_path, capsys, anoth
     camera = yaml.safe_load((few / "camera.yaml").read_text())
     another(camera)
     (few / "camera.yaml").write_text(yaml.safe_dump(camera))
-    expect_error([few, "-o", tmp_path / "map", *QUICK], capsys, "Does camera.yaml belong to the camera")
+    expect_error([few, "-o", tmp_path / "map", *QUICK], capsys, "Check that camera.yaml belongs to the camera")
     assert not (tmp_path / "map").exists()
 
 

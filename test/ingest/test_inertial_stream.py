@@ -102,7 +102,7 @@ def test_a_csv_that_cannot_be_used_is_named_and_the_frames_go_on(
     (tmp_path / "head.csv").write_text(text)
     assert main(["ingest", str(video), "-o", str(tmp_path / "bag")]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "camera head: inertial sensor left out:" in said and message in said
+    assert "camera head: its inertial sensor is not used:" in said and message in said
     assert read_imus([tmp_path / "bag"], ["head"]) == {}
 
 

@@ -33,7 +33,7 @@ def videos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
     Their pictures move alike from the first on, by which motion would rightly put them at one time: it is not asked.
     """
-    monkeypatch.setattr("bodycam_ros.ingest.camera_offsets._motion", lambda *_: ({}, ()))
+    monkeypatch.setattr("bodycam_ros.ingest.camera_offsets._motion", lambda *_: ({}, {}))
     folder = tmp_path / "videos"
     folder.mkdir()
     add_camera(folder, "head")

@@ -30,9 +30,9 @@ def true_start(camera: str, clocks: dict[str, Clock] = CLOCKS) -> float:
 
 
 def test_clocks_are_found_without_any_sound(speeds: dict[str, AngularSpeed]) -> None:
-    found, remarks = motion_times(speeds, RIG)
+    found, causes = motion_times(speeds, RIG)
     assert set(found) == set(CLOCKS)
-    assert not remarks
+    assert not causes
     errors = {camera: clock.start_s - true_start(camera) for camera, clock in found.items()}
     for camera, error in errors.items():
         assert abs(error) < 0.06, camera
@@ -40,7 +40,7 @@ def test_clocks_are_found_without_any_sound(speeds: dict[str, AngularSpeed]) -> 
 
 
 def test_clocks_are_found_without_a_rig(speeds: dict[str, AngularSpeed]) -> None:
-    found, remarks = motion_times(speeds)
+    found, causes = motion_times(speeds)
     errors = {camera: clock.start_s - true_start(camera) for camera, clock in found.items()}
     assert set(errors) == set(CLOCKS)
     assert max(map(abs, errors.values())) < 0.08
@@ -48,26 +48,26 @@ def test_clocks_are_found_without_a_rig(speeds: dict[str, AngularSpeed]) -> None
 
 def test_a_camera_that_saw_nothing_is_named(speeds: dict[str, AngularSpeed]) -> None:
     dark = replace(speeds["shin"], omega=np.full_like(speeds["shin"].omega, np.nan))
-    found, remarks = motion_times({**speeds, "shin": dark}, RIG)
+    found, causes = motion_times({**speeds, "shin": dark}, RIG)
     assert set(found) == set(CLOCKS) - {"shin"}
-    assert any("camera shin" in remark and "show too little of its rotation" in remark for remark in remarks)
+    assert "show too little of its rotation" in causes["shin"]
 
 
 def test_a_camera_that_moved_otherwise_is_named(speeds: dict[str, AngularSpeed]) -> None:
     other = camera_speed("shin", turning_body(45.0, seed=7)["shin"], CLOCKS["shin"], 38.0)
-    found, remarks = motion_times({**speeds, "shin": other}, RIG)
+    found, causes = motion_times({**speeds, "shin": other}, RIG)
     assert set(found) == set(CLOCKS) - {"shin"}
-    assert any("camera shin" in remark and "too little in common" in remark for remark in remarks)
+    assert "does not match" in causes["shin"]
 
 
 def test_cameras_with_nothing_in_common_are_named(speeds: dict[str, AngularSpeed]) -> None:
     brief = speeds["shin"].part(speeds["shin"].media_s < 1.5)
-    found, remarks = motion_times({**speeds, "shin": brief}, RIG)
+    found, causes = motion_times({**speeds, "shin": brief}, RIG)
     assert set(found) == set(CLOCKS) - {"shin"}
-    assert any("camera shin" in remark and "in common" in remark for remark in remarks)
+    assert "does not match" in causes["shin"]
 
 
 def test_a_camera_that_the_rig_does_not_know_is_named(speeds: dict[str, AngularSpeed]) -> None:
-    found, remarks = motion_times({**speeds, "spare": replace(speeds["shin"], camera="spare")}, RIG)
+    found, causes = motion_times({**speeds, "spare": replace(speeds["shin"], camera="spare")}, RIG)
     assert set(found) == set(CLOCKS)
-    assert any("camera spare: is not among the cameras of the rig" in remark for remark in remarks)
+    assert "not among the cameras of the rig" in causes["spare"]

@@ -93,7 +93,7 @@ def test_pictures_of_the_size_that_most_have_are_taken(tmp_path: Path, caplog: p
     caplog.set_level(logging.WARNING)
     pictures = lens_images([_write_sizes(tmp_path, [(81, 61), (80, 60), (80, 60), (81, 61), (80, 60)])])
     assert [picture.name for picture in pictures] == ["1.png", "2.png", "4.png"]
-    assert "2 of 5 pictures are left out" in caplog.text
+    assert "2 of 5 pictures are not used" in caplog.text
     assert "0.png (81 x 61), 3.png (81 x 61)" in caplog.text
 
 

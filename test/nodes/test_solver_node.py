@@ -295,3 +295,17 @@ def test_inertial_sensors_carry_the_body_while_all_cameras_are_silent(graph: Any
     assert report["in use"] == ", ".join(camera for camera in cameras.body.mounts if camera != odd)
     assert cameras.reports("body")[-1]["late registrations"] == "0"
     assert cameras.solver.end() == 0
+
+
+def test_what_all_cameras_lack_is_one_line_of_the_log(graph: Any, tmp_path: Path) -> None:
+    """Drivers that were never calibrated send an empty camera_info; sixteen trackers wrote sixteen lines."""
+    from bodycam_ros.nodes.parameters import latched, node_messages
+
+    path, kind = write_body(tmp_path / "body.yaml"), "sensor_msgs/msg/CameraInfo"
+    for camera in read_body(path).mounts:
+        graph.publisher(f"/{camera}/camera_info", kind, latched()).publish(node_messages()(kind))
+    (solver,) = graph.start(GraphNode("skeleton_solver", "skeleton_solver", {"body": str(path)}))
+    graph.until(lambda: "until its driver sends a usable camera_info" in solver.log, _START_S, "it is logged")
+    (line,) = [line for line in solver.log.splitlines() if "usable camera_info" in line]
+    assert f"each of 2 cameras ({', '.join(sorted(read_body(path).mounts))}): " in line
+    assert solver.end() == 0

@@ -53,7 +53,7 @@ def test_stamps_that_stray_are_left_out_and_a_time_that_begins_anew_is_followed(
     def has_warned() -> bool:
         if camera.is_due():
             camera.show([next(later), again[0], next(later)])
-        return any(report["level"] == _WARN for report in reports("left out"))
+        return any(report["level"] == _WARN for report in reports("dropped"))
 
     graph.until(has_warned, _SOON_S, "what is left out is a warning")
 

@@ -117,7 +117,7 @@ def test_a_camera_that_the_body_lacks_is_left_out_with_a_warning(
     (tmp_path / "body.yaml").write_text(body)
     bag = write_altered_sample(sample, tmp_path / "bag", frames=3)
     assert run(sample, bag, tmp_path / "out", body=tmp_path / "body.yaml") == 0
-    assert "1 of its 3 cameras are not on body" in caplog.text and "left out: thigh_left" in caplog.text
+    assert "1 of its 3 cameras are not on body" in caplog.text and "not used: thigh_left" in caplog.text
     assert "3 of 3 frames solved" in capfd.readouterr().out
 
 
@@ -205,7 +205,7 @@ def test_the_map_of_another_place_registers_nobody_and_says_so(
     elsewhere.save(tmp_path / "elsewhere")
     bag = write_altered_sample(sample, tmp_path / "bag", frames=4)
     code = run(sample, bag, tmp_path / "out", map_path=tmp_path / "elsewhere")
-    assert_refused(capfd, code, tmp_path / "out", "no camera", "map of another place")
+    assert_refused(capfd, code, tmp_path / "out", "no camera", "check that this is the map of the place")
 
 
 def test_an_output_that_is_there_is_not_overwritten(

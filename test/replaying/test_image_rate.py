@@ -19,7 +19,7 @@ def test_a_replay_uses_as_many_images_as_it_is_asked_to(
     bag = write_altered_sample(sample, tmp_path / "bag")
     given = ["replay", str(bag), "--map", str(sample / "map"), "--body", str(sample / "body.yaml"), "-o"]
     assert main([*given, str(tmp_path / "all")]) == 0
-    assert "left out" not in capfd.readouterr().out.split("camera ")[1].split("frames solved")[0]
+    assert "not wanted" not in capfd.readouterr().out.split("camera ")[1].split("frames solved")[0]
     for jobs in ("1", "2"):
         flags = ["--images.max_rate", "15", "--jobs", jobs, "--force"]
         assert main([*given, str(tmp_path / "half"), *flags]) == 0

@@ -69,7 +69,7 @@ def test_a_camera_of_the_equipment_holds_the_limb_that_it_is_strapped_to(
         sample, bag, tmp_path / "plate", tmp_path / "bare.yaml", "--equipment", str(tmp_path / "plate.yaml")
     )
     printed = capfd.readouterr()
-    assert caplog.text.count("left out, since body subject does not have their segments: held (to hand_left)") == 1
+    assert caplog.text.count("not used, since body subject does not have their segments: held (to hand_left)") == 1
     assert "equipment plate" in printed.out and "strapped" in printed.out
     assert [record.camera for record in plate.cameras] == [record.camera for record in worn.cameras]
     assert plate.parents["plate"] == "pelvis"

@@ -1,5 +1,6 @@
 """Contacts of a solved body: a foot that stands and then glides, and attachments that hold for a while."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.testing import assert_allclose
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.geometry import transform_points
 from bodycam_ros.results.picture_style import EQUIPMENT, LEFT
-from bodycam_ros.viewer.contacts import touching_at
+from bodycam_ros.results.solved_body import read_solved_body
+from bodycam_ros.viewer.contacts import find_contacts, touching_at
 from bodycam_ros.viewer.motion import read_motion
 from bodycam_ros.viewer.scene import CONTACTS, Scene
 from bodycam_ros.viewer.server import LocalServer
@@ -33,6 +35,22 @@ def test_a_foot_that_is_held_up_touches_nothing(tmp_path: Path) -> None:
     walk = standing(0.0, height=0.3)
     (foot,) = read_motion(write_solved(walk, tmp_path / "out"), walk.body).contacts
     assert not foot.touches.any()
+
+
+def test_a_gap_ends_a_stance_where_most_steps_are_gaps_as_well(tmp_path: Path) -> None:
+    """The median step would be a gap; what lies between is unknown, and the evaluation says so too."""
+    solved = read_solved_body(write_solved(standing(0.0), tmp_path / "out"))
+    rows = np.array([0, 1, 2, 3, 4, *range(8, STANDS, 4)])
+    few = replace(
+        solved,
+        stamps_ns=solved.stamps_ns[rows],
+        joint_angles=solved.joint_angles[rows],
+        world_T_root=solved.world_T_root[rows],
+        root_covariance=solved.root_covariance[rows],
+    )
+    assert np.median(np.diff(few.stamps_ns)) > few.longest_step_ns
+    (foot,) = find_contacts(few)
+    assert np.array_equal(foot.touches, np.repeat(np.arange(len(rows))[:, None] < 5, 2, axis=1))
 
 
 def test_an_attachment_touches_while_it_holds(ride: Walk, tmp_path: Path) -> None:
