@@ -132,7 +132,7 @@ class Comparison:
         }
         per_joint = {
             segment: SegmentErrors(
-                **{name: float(each[segment].mean()) for name, each in errors.items() if segment in each}
+                **{name: spread(each[segment]) for name, each in errors.items() if segment in each}
             )
             for segment in self.segments
         }

@@ -38,7 +38,7 @@ _CAPTIONS = {
 }
 _SECTIONS = {
     "angles.png": (ANGLES,),
-    "joints.png": ("joints against the truth, mean", "joint angles by anatomical plane", "error of each joint"),
+    "joints.png": ("joints against the truth: position [cm]", "joint angles by anatomical plane", "error of each joint"),
     "sensors.png": ("inertial sensors",),
     "overlay.png": ("cameras", "images of body cameras"),
     "outside.png": ("static cameras", "images of static cameras"),

@@ -14,11 +14,13 @@ from bodycam_ros.files.shown import few
 ANGLES = "joint angles"
 """Heading of the section on them, on a page with their picture."""
 
-_SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
-_JOINTS: Columns = (
-    ("position [cm]", "position_cm", ".3f"), ("angle [deg]", "angle_deg", ".3f"),
-    ("rotation [deg]", "rotation_deg", ".3f"),
-)  # fmt: skip
+_SPREAD: Columns = tuple((name, name, ".3f") for name in ("mean", "sd", "min", "median", "p95", "max"))
+_MEASURES = {
+    "position_cm": ("position [cm]", "distance of the joint after one rigid alignment"),
+    "angle_deg": ("angle [deg]", "difference of the angles by which the joint has turned since the first frame"),
+    "rotation_deg": ("rotation [deg]", "angle between both rotations of the joint; it has the axis, too"),
+}
+"""Errors of ``SegmentErrors``: heading, and what it is the error of."""
 _PLANES: Columns = (
     ("error, mean [deg]", "error_deg.mean", ".2f"), ("max", "error_deg.max", ".2f"), ("bias", "bias", "+.2f"),
     ("95 % from", "low", "+.2f"), ("to", "high", "+.2f"), ("rmse", "rmse", ".2f"),
@@ -109,7 +111,10 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
             "rotation [deg]": truth.rotation_deg,
         }
         yield column_table("against the truth", "measure", _SPREAD, rows, note)
-        yield column_table("joints against the truth, mean", "segment", _JOINTS, truth.per_joint)
+        for name, (heading, meaning) in _MEASURES.items():
+            errors = {segment: getattr(each, name) for segment, each in truth.per_joint.items()}
+            known = {segment: each for segment, each in errors.items() if each is not None}
+            yield column_table(f"joints against the truth: {heading}", "segment", _SPREAD, known, meaning)
     if figures.agreement is not None:
         yield from _agreement_sections(figures.agreement)
     if cameras := figures.cameras:
