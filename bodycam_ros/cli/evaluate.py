@@ -21,6 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bag_help = "bag that OUT was solved from: adds reprojection errors and overlay.png"
     add_option(parser, "--recording", metavar="BAG", help=bag_help)
     add_option(parser, "--imu")
+    without_help = "bag of the same recording solved without --equipment: adds what the equipment changes"
+    add_option(parser, "--without", metavar="OUT2", help=without_help)
     add_span(parser)
     truth = parser.add_argument_group("against the truth or another system")
     truth.add_argument(
@@ -73,7 +75,9 @@ def run(arguments: argparse.Namespace) -> int:
     check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
         with progress.step("reading and measuring", 1):
-            evaluation = evaluate(arguments.solved, arguments.truth, recording, options, tuple(arguments.imu), span)
+            evaluation = evaluate(
+                arguments.solved, arguments.truth, recording, options, tuple(arguments.imu), span, arguments.without
+            )
         with progress.step("drawing", 1):
             overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
             views: tuple[ImageView, ...] = ()

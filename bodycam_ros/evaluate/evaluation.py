@@ -21,6 +21,7 @@ from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.figures import EvaluationFigures, SameMotion, VerdictFigures, spread
 from bodycam_ros.evaluate.gait import Stride, solved_gait, solved_strides
 from bodycam_ros.evaluate.sliding import sliding_figures
+from bodycam_ros.evaluate.with_and_without import WithAndWithout, with_and_without
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
 from bodycam_ros.quality.camera_poses import CameraPoseLog
@@ -57,6 +58,7 @@ class Evaluation:
         gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
         made_from: what the recording was solved with.
         strides: of the body, where it walks.
+        constraints: what the equipment changes, where the recording was solved without it too.
     """
 
     solved: SolvedRecording
@@ -70,6 +72,7 @@ class Evaluation:
     gyroscopes: Mapping[str, camera_figures.GyroscopeResiduals]
     made_from: Provenance
     strides: tuple[Stride, ...] = ()
+    constraints: WithAndWithout | None = None
 
     @property
     def truth_name(self) -> str:
@@ -86,6 +89,7 @@ def evaluate(
     options: AgreementOptions | None = None,
     imu_paths: Sequence[Path] = (),
     span: TimeSpan = _WHOLE,
+    without_path: Path | None = None,
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -96,6 +100,7 @@ def evaluate(
         options: how what another system captured is compared; the clock of a recording's truth is ours.
         imu_paths: bags with the inertial sensors, beside the recording.
         span: the part of the recording that is evaluated.
+        without_path: the same recording solved without the equipment that this one was solved with.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -113,6 +118,9 @@ def evaluate(
     elif truth is not None:
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
+    constraints = None
+    if without_path is not None:
+        constraints = with_and_without(solved, part_of(read_solved(without_path), span), truth, comparison)
     verdict = solved_verdict(solved, models)
     blind = camera_figures.blind(solved)
     jitter = camera_figures.jitter(solved)
@@ -140,6 +148,7 @@ def evaluate(
         sensors=camera_figures.sensor_figures(sensors, gyroscopes) or None,
         stations={record.station: camera_figures.static_camera_figures(record) for record in solved.stations} or None,
         equipment=equipment_figures(solved.equipment, solved.start_ns) if solved.equipment else None,
+        without_equipment=constraints.figures() if constraints else None,
         truth=comparison.figures() if comparison else None,
         same_motion=SameMotion(same_motion.likeness, same_motion.chance) if same_motion else None,
         agreement=agreement.figures() if agreement else None,
@@ -148,7 +157,9 @@ def evaluate(
         made_from=made_from.sources or None,
     )
     curves = blind, position_sigma, jitter
-    return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, strides)
+    return Evaluation(
+        solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, strides, constraints
+    )
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

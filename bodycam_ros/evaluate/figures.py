@@ -170,6 +170,13 @@ class EquipmentFigures(msgspec.Struct, frozen=True):
     lengths: dict[str, LengthFigures]
 
 
+class TwoSpreads(msgspec.Struct, frozen=True, rename={"with_it": "with"}):
+    """One measure of two solutions: with the equipment, and without."""
+
+    with_it: Spread
+    without: Spread
+
+
 class SegmentErrors(msgspec.Struct, frozen=True, omit_defaults=True):
     """Errors of a segment's origin, and of its joint, if it has one.
 
@@ -338,6 +345,7 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
         joint_ranges_deg: angle -> its least and greatest value.
         sliding: foot, and all together -> its sliding.
         cameras, sensors, stations: by camera.
+        without_equipment: distances from the equipment's points, and errors against a truth, with it and without.
         made_from: records of what the recording was solved with.
     """
 
@@ -357,6 +365,7 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
     sensors: dict[str, SensorFigures] | None = None
     stations: dict[str, StationFigures] | None = None
     equipment: EquipmentFigures | None = None
+    without_equipment: dict[str, TwoSpreads] | None = None
     truth: TruthFigures | None = None
     same_motion: SameMotion | None = None
     agreement: AgreementFigures | None = None

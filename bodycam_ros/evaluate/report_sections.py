@@ -11,6 +11,9 @@ from bodycam_ros.evaluate.sections import Columns, Section, column_table
 from bodycam_ros.evaluate.sliding import ALL
 from bodycam_ros.files.shown import few
 
+WITHOUT = "with the equipment and without"
+"""Heading of the section on what it changes."""
+
 ANGLES = "joint angles"
 """Heading of the section on them, on a page with their picture."""
 
@@ -84,6 +87,11 @@ _CYCLE: Columns = (
     ("strides", "strides", "d"), ("most flexion [deg]", "peak_deg", ".1f"), ("at [%]", "peak_percent", ".0f"),
     ("least flexion [deg]", "trough_deg", ".1f"), ("at [%]", "trough_percent", ".0f"), ("sd [deg]", "sd_deg", ".1f"),
 )  # fmt: skip
+_WITHOUT: Columns = tuple(
+    (f"{name.removesuffix('_it')}, {each}", f"{name}.{each}", ".2f")
+    for name in ("with_it", "without")
+    for each in ("mean", "sd", "max")
+)
 _MAX_STRETCHES = 3
 
 
@@ -145,6 +153,9 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
     yield column_table("body", "measure", _SPREAD, rows)
     if figures.equipment is not None:
         yield from equipment_sections(figures.equipment)
+    if figures.without_equipment is not None:
+        note = "distance of an attached point from its point on the equipment, where its pose is known"
+        yield column_table(WITHOUT, "measure", _WITHOUT, figures.without_equipment, note)
     if ALL in figures.sliding and figures.sliding[ALL].stances:
         note = (
             "mean, max: horizontal distance of heel or ball from its mean position in a stance; path: length of its "
