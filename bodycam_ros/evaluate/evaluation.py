@@ -1,7 +1,7 @@
 """A solved recording with all measures of it."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from bodycam_ros.evaluate.agreement import (
     rate_same_motion,
 )
 from bodycam_ros.evaluate.angle_panels import cycle_figures, solved_cycles
+from bodycam_ros.evaluate.camera_centres import CentreErrors, centre_errors
 from bodycam_ros.evaluate.comparison import Comparison, compare, read_true_motion
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.figures import EvaluationFigures, SameMotion, VerdictFigures, spread
@@ -58,6 +59,7 @@ class Evaluation:
         gyroscopes: camera -> its gyroscope against its solved camera, of calibrated sensors.
         made_from: what the recording was solved with.
         strides: of the body, where it walks.
+        centres: camera -> errors of its centre before and after the optimisation, where the truth has the cameras.
         constraints: what the equipment changes, where the recording was solved without it too.
     """
 
@@ -73,6 +75,7 @@ class Evaluation:
     made_from: Provenance
     strides: tuple[Stride, ...] = ()
     constraints: WithAndWithout | None = None
+    centres: Mapping[str, CentreErrors] = field(default_factory=dict)
 
     @property
     def truth_name(self) -> str:
@@ -118,6 +121,7 @@ def evaluate(
     elif truth is not None:
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
+    centres = {} if truth is None else centre_errors(solved, truth.path)
     constraints = None
     if without_path is not None:
         constraints = with_and_without(solved, part_of(read_solved(without_path), span), truth, comparison)
@@ -150,6 +154,7 @@ def evaluate(
         equipment=equipment_figures(solved.equipment, solved.start_ns) if solved.equipment else None,
         without_equipment=constraints.figures() if constraints else None,
         truth=comparison.figures() if comparison else None,
+        camera_centres_mm={camera: each.figures() for camera, each in centres.items()} or None,
         same_motion=SameMotion(same_motion.likeness, same_motion.chance) if same_motion else None,
         agreement=agreement.figures() if agreement else None,
         gait=solved_gait(solved, strides, comparison),
@@ -158,7 +163,7 @@ def evaluate(
     )
     curves = blind, position_sigma, jitter
     return Evaluation(
-        solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, strides, constraints
+        solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, strides, constraints, centres
     )
 
 

@@ -177,6 +177,13 @@ class TwoSpreads(msgspec.Struct, frozen=True, rename={"with_it": "with"}):
     without: Spread
 
 
+class BeforeAndAfter(msgspec.Struct, frozen=True):
+    """Errors of a camera's centre: registered alone, before the optimisation, and solved, after it."""
+
+    before: Spread
+    after: Spread
+
+
 class SegmentErrors(msgspec.Struct, frozen=True, omit_defaults=True):
     """Errors of a segment's origin, and of its joint, if it has one.
 
@@ -346,6 +353,7 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
         sliding: foot, and all together -> its sliding.
         cameras, sensors, stations: by camera.
         without_equipment: distances from the equipment's points, and errors against a truth, with it and without.
+        camera_centres_mm: camera -> errors of its centre against a truth that has the cameras.
         made_from: records of what the recording was solved with.
     """
 
@@ -367,6 +375,7 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
     equipment: EquipmentFigures | None = None
     without_equipment: dict[str, TwoSpreads] | None = None
     truth: TruthFigures | None = None
+    camera_centres_mm: dict[str, BeforeAndAfter] | None = None
     same_motion: SameMotion | None = None
     agreement: AgreementFigures | None = None
     gait: GaitFigures | None = None

@@ -8,11 +8,12 @@ from pathlib import Path
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.angle_panels import draw_angles
+from bodycam_ros.evaluate.camera_centres import draw_centres
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figures import SameMotion, figures_text
 from bodycam_ros.evaluate.gait_cycle import CONVENTION
 from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
-from bodycam_ros.evaluate.report_sections import ANGLES, WITHOUT, report_sections
+from bodycam_ros.evaluate.report_sections import ANGLES, CENTRES, WITHOUT, report_sections
 from bodycam_ros.evaluate.sections import Picture, Section, render_page
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors, draw_sensors
@@ -28,6 +29,7 @@ _CAPTIONS = {
         "the angles are over the gait cycle, the mean and one standard deviation over the strides; else over time."
     ),
     "joints.png": "Error of each joint against the truth, over time.",
+    "centres.png": "Centres of the body cameras against the truth, before the optimisation and after it.",
     "constraints.png": (
         "The recording solved with the equipment and without: distances from its points, and the paths of the attached "
         "points in space."
@@ -48,6 +50,7 @@ _SECTIONS = {
         "joint angles by anatomical plane",
         "error of each joint",
     ),
+    "centres.png": (CENTRES,),
     "constraints.png": (WITHOUT,),
     "sensors.png": ("inertial sensors",),
     "overlay.png": ("cameras", "images of body cameras"),
@@ -147,6 +150,8 @@ def write_report(
         draw_angles(evaluation.solved, evaluation.strides, unfinished / "angles.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
+        if evaluation.centres:
+            draw_centres(evaluation.solved, evaluation.centres, unfinished / "centres.png")
         if evaluation.constraints is not None:
             draw_constraints(evaluation.constraints, unfinished / "constraints.png")
         if evaluation.gyroscopes:

@@ -11,6 +11,9 @@ from bodycam_ros.evaluate.sections import Columns, Section, column_table
 from bodycam_ros.evaluate.sliding import ALL
 from bodycam_ros.files.shown import few
 
+CENTRES = "camera centres against the truth [mm]"
+"""Heading of the section on them, before and after the optimisation."""
+
 WITHOUT = "with the equipment and without"
 """Heading of the section on what it changes."""
 
@@ -92,6 +95,9 @@ _WITHOUT: Columns = tuple(
     for name in ("with_it", "without")
     for each in ("mean", "sd", "max")
 )
+_CENTRES: Columns = tuple(
+    (f"{name}, {each}", f"{name}.{each}", ".2f") for name in ("before", "after") for each in ("mean", "sd", "max")
+)
 _MAX_STRETCHES = 3
 
 
@@ -123,6 +129,9 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
             errors = {segment: getattr(each, name) for segment, each in truth.per_joint.items()}
             known = {segment: each for segment, each in errors.items() if each is not None}
             yield column_table(f"joints against the truth: {heading}", "segment", _SPREAD, known, meaning)
+    if figures.camera_centres_mm is not None:
+        note = "before: each camera registered alone; after: all cameras and the body solved together (A figure 6)"
+        yield column_table(CENTRES, "camera", _CENTRES, figures.camera_centres_mm, note)
     if figures.agreement is not None:
         yield from _agreement_sections(figures.agreement)
     if cameras := figures.cameras:

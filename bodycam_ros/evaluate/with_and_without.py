@@ -163,6 +163,10 @@ def _draw_paths(axes: Axes3D, point: ConstrainedPoint) -> None:
     for positions, colour, width in ((point.without, CAUTION, 1.0), (point.with_it, INK, 1.4)):
         axes.plot(*(1e3 * (positions - middle)).T, color=colour, linewidth=width)
     axes.set_aspect("equal")
+    if np.ptp(point.equipment[:, 1]) < np.ptp(point.equipment[:, 0]):
+        axes.locator_params(axis="y", nbins=2)  # a circle is as flat as a bicycle, across its own way
+    else:
+        axes.locator_params(axis="x", nbins=2)
     axes.set_xlabel("x [mm]")
     axes.set_ylabel("y [mm]")
     axes.set_zlabel("z [mm]")
