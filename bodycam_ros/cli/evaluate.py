@@ -33,7 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ".tsv (Qualisys), .mvnx, .sto, .mot, .glb, .gltf, .bvh, .tum, or a folder of .tum",
     )
     truth.add_argument(
-        "--align", choices=("similarity", "rigid"), help="how worlds are aligned (default: similarity, as in the paper)"
+        "--align",
+        choices=("similarity", "rigid", "icp"),
+        help="how worlds are aligned (default: similarity, as in the paper); icp: the other system tracks the centres "
+        "of the body cameras under any names: each track's camera is found by its places",
     )
     truth.add_argument(
         "--clock",
@@ -70,7 +73,11 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.truth is None or not is_captured(arguments.truth):
         for flag in given_flags(arguments, "align", "clock", "points"):
             raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
-    options = AgreementOptions(arguments.align != "rigid", arguments.clock == "shared", arguments.points)
+    options = AgreementOptions(
+        arguments.align != "rigid", arguments.clock == "shared", arguments.points, arguments.align == "icp"
+    )
+    if options.by_places and (given := given_flags(arguments, "clock", "points")):
+        raise RecordingError(f"{', '.join(given)}: --align icp finds names and clock by itself; leave it out")
     span = given_span(arguments)
     check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
