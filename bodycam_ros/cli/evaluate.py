@@ -21,6 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bag_help = "bag that OUT was solved from: adds reprojection errors and overlay.png"
     add_option(parser, "--recording", metavar="BAG", help=bag_help)
     add_option(parser, "--imu")
+    without_help = "bag of the same recording solved without --equipment: adds what the equipment changes"
+    add_option(parser, "--without", metavar="OUT2", help=without_help)
     add_span(parser)
     add_option(
         parser,
@@ -38,7 +40,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         ".tsv (Qualisys), .mvnx, .sto, .mot, .glb, .gltf, .bvh, .tum, or a folder of .tum",
     )
     truth.add_argument(
-        "--align", choices=("similarity", "rigid"), help="how worlds are aligned (default: similarity, as in the paper)"
+        "--align",
+        choices=("similarity", "rigid", "icp"),
+        help="how worlds are aligned (default: similarity, as in the paper); icp: the other system tracks the centres "
+        "of the body cameras under any names: each track's camera is found by its places",
     )
     truth.add_argument(
         "--clock",
@@ -75,13 +80,24 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.truth is None or not is_captured(arguments.truth):
         for flag in given_flags(arguments, "align", "clock", "points"):
             raise RecordingError(f"{flag} needs --truth with what another system captured, which OUT is compared with")
-    options = AgreementOptions(arguments.align != "rigid", arguments.clock == "shared", arguments.points)
+    options = AgreementOptions(
+        arguments.align != "rigid", arguments.clock == "shared", arguments.points, arguments.align == "icp"
+    )
+    if options.by_places and (given := given_flags(arguments, "clock", "points")):
+        raise RecordingError(f"{', '.join(given)}: --align icp finds names and clock by itself; leave it out")
     span = given_span(arguments)
     check_report_folder(folder, input_paths(arguments), arguments.force)
     with shown_progress() as progress:
         with progress.step("reading and measuring", 1):
             evaluation = evaluate(
-                arguments.solved, arguments.truth, recording, options, tuple(arguments.imu), span, arguments.normal
+                arguments.solved,
+                arguments.truth,
+                recording,
+                options,
+                tuple(arguments.imu),
+                span,
+                arguments.normal,
+                arguments.without,
             )
         with progress.step("drawing", 1):
             overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))

@@ -25,6 +25,7 @@ from bodycam_ros.evaluate.anatomical_angles import (
 from bodycam_ros.evaluate.clock_search import Clock
 from bodycam_ros.evaluate.comparison import TrueMotion
 from bodycam_ros.evaluate.figures import AgreementFigures, PointFigures, spread
+from bodycam_ros.evaluate.unlabelled_cameras import find_cameras
 from bodycam_ros.formats.captured_motion import CapturedMotion
 from bodycam_ros.formats.point_sites import PointSite, locate_points
 from bodycam_ros.geometry import Array
@@ -54,11 +55,13 @@ class AgreementOptions:
         with_scale: worlds are aligned by a similarity (A section 5.1); else rigidly.
         shares_clock: its stamps are of our clock; else offset and rate are found.
         names: the user's table of names.
+        by_places: names mean nothing: points are camera centres, matched by their places (A section 5.1).
     """
 
     with_scale: bool = True
     shares_clock: bool = False
     names: Path | None = None
+    by_places: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,6 +112,7 @@ class Agreement:
         stamps_ns: (T,) of ours [ns].
         clock: of theirs by ours.
         with_scale: worlds are aligned by a similarity; else rigidly, and a scale is an error.
+        by_places: points were matched with cameras by their places alone.
         scale: of theirs over ours, by a similarity.
         unit_m: estimated unit of the file [m]; None where the file declares it.
         points: joints, markers and cameras.
@@ -122,6 +126,7 @@ class Agreement:
     stamps_ns: NDArray[np.int64]
     clock: Clock
     with_scale: bool
+    by_places: bool
     scale: float
     unit_m: float | None
     points: tuple[PointAgreement, ...]
@@ -173,7 +178,7 @@ class Agreement:
             other=self.name,
             format=self.kind,
             states=len(self.stamps_ns),
-            align="similarity" if self.with_scale else "rigid",
+            align="icp" if self.by_places else "similarity" if self.with_scale else "rigid",
             scale=self.scale,
             unit_m=self.unit_m,
             starts_at_s=clock.start_s,
@@ -210,6 +215,9 @@ class Agreement:
         if self.unit_m is not None:
             unit = _UNIT_NAMES.get(self.unit_m, f"{self.unit_m:.4f} m")
             lines.append(f"The file does not declare its unit; by the size of the body it is {unit}.")
+        if self.by_places:
+            found = ", ".join(f"{point.name} is {point.link.removesuffix(OPTICAL_SUFFIX)}" for point in self.points)
+            lines.append(f"Its tracks were matched with the cameras by their places alone: {found}.")
         if self.left_out:
             names = ", ".join(self.left_out[:_MAX_NAMES]) + (" ..." if len(self.left_out) > _MAX_NAMES else "")
             lines.append(f"Not compared, because their names are unknown (--points maps them): {names}.")
@@ -224,7 +232,10 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
     """
     links = [*solved.body.segments, *map(optical_frame, solved.body.mounts)]
     joints = {joint.name: joint.child for joint in solved.body.tree_joints}
-    places = locate_points(captured, links, joints, options.names)
+    if options.by_places:
+        places = find_cameras(solved, captured)
+    else:
+        places = locate_points(captured, links, joints, options.names)
     unit: float | None = None
     if not captured.has_unit:
         unit = _estimate_unit(solved, captured, places)
@@ -253,6 +264,7 @@ def compare_with_captured(solved: SolvedRecording, captured: CapturedMotion, opt
         stamps_ns=solved.stamps_ns[known],
         clock=clock,
         with_scale=options.with_scale,
+        by_places=options.by_places,
         scale=scale,
         unit_m=unit,
         points=points,

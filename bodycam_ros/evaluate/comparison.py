@@ -131,9 +131,7 @@ class Comparison:
             "rotation_deg": {segment: degrees * errors for segment, errors in self.rotation_errors.items()},
         }
         per_joint = {
-            segment: SegmentErrors(
-                **{name: float(each[segment].mean()) for name, each in errors.items() if segment in each}
-            )
+            segment: SegmentErrors(**{name: spread(each[segment]) for name, each in errors.items() if segment in each})
             for segment in self.segments
         }
         return TruthFigures(

@@ -16,6 +16,7 @@ from bodycam_ros.evaluate.agreement import (
     rate_same_motion,
 )
 from bodycam_ros.evaluate.angle_panels import cycle_figures, solved_cycles
+from bodycam_ros.evaluate.camera_centres import CentreErrors, centre_errors
 from bodycam_ros.evaluate.comparison import Comparison, compare, read_true_motion
 from bodycam_ros.evaluate.equipment import equipment_figures
 from bodycam_ros.evaluate.figures import EvaluationFigures, SameMotion, VerdictFigures, spread
@@ -23,6 +24,7 @@ from bodycam_ros.evaluate.gait import solved_gait, solved_strides
 from bodycam_ros.evaluate.gait_cycle import CycleAngle
 from bodycam_ros.evaluate.normal_angles import NormalAngles, read_normal_angles
 from bodycam_ros.evaluate.sliding import sliding_figures
+from bodycam_ros.evaluate.with_and_without import WithAndWithout, with_and_without
 from bodycam_ros.formats.read_captured import is_captured, read_captured
 from bodycam_ros.geometry import Array
 from bodycam_ros.quality.camera_poses import CameraPoseLog
@@ -60,6 +62,8 @@ class Evaluation:
         made_from: what the recording was solved with.
         cycles: (joint, side) -> its angle over the gait cycle, where the body walks.
         normal: angles of healthy people, if they were given.
+        centres: camera -> errors of its centre before and after the optimisation, where the truth has the cameras.
+        constraints: what the equipment changes, where the recording was solved without it too.
     """
 
     solved: SolvedRecording
@@ -74,6 +78,8 @@ class Evaluation:
     made_from: Provenance
     cycles: Mapping[tuple[str, str], CycleAngle] = field(default_factory=dict)
     normal: NormalAngles | None = None
+    constraints: WithAndWithout | None = None
+    centres: Mapping[str, CentreErrors] = field(default_factory=dict)
 
     @property
     def truth_name(self) -> str:
@@ -91,6 +97,7 @@ def evaluate(
     imu_paths: Sequence[Path] = (),
     span: TimeSpan = _WHOLE,
     normal_path: Path | None = None,
+    without_path: Path | None = None,
 ) -> Evaluation:
     """Evaluate a bag that ``bodycam replay`` wrote.
 
@@ -102,6 +109,7 @@ def evaluate(
         imu_paths: bags with the inertial sensors, beside the recording.
         span: the part of the recording that is evaluated.
         normal_path: table of the normal angles of joints over the gait cycle, see ``normal_angles``.
+        without_path: the same recording solved without the equipment that this one was solved with.
 
     Raises:
         RecordingError: one of them is not what it should be, or they do not belong together.
@@ -120,6 +128,10 @@ def evaluate(
     elif truth is not None:
         comparison = compare(solved, truth)
         same_motion = rate_same_motion(solved, truth)
+    centres = {} if truth is None else centre_errors(solved, truth.path)
+    constraints = None
+    if without_path is not None:
+        constraints = with_and_without(solved, part_of(read_solved(without_path), span), truth, comparison)
     verdict = solved_verdict(solved, models)
     blind = camera_figures.blind(solved)
     jitter = camera_figures.jitter(solved)
@@ -148,7 +160,9 @@ def evaluate(
         sensors=camera_figures.sensor_figures(sensors, gyroscopes) or None,
         stations={record.station: camera_figures.static_camera_figures(record) for record in solved.stations} or None,
         equipment=equipment_figures(solved.equipment, solved.start_ns) if solved.equipment else None,
+        without_equipment=constraints.figures() if constraints else None,
         truth=comparison.figures() if comparison else None,
+        camera_centres_mm={camera: each.figures() for camera, each in centres.items()} or None,
         same_motion=SameMotion(same_motion.likeness, same_motion.chance) if same_motion else None,
         agreement=agreement.figures() if agreement else None,
         gait=solved_gait(solved, strides, comparison),
@@ -156,7 +170,20 @@ def evaluate(
         made_from=made_from.sources or None,
     )
     curves = blind, position_sigma, jitter
-    return Evaluation(solved, verdict, figures, *curves, comparison, agreement, gyroscopes, made_from, cycles, normal)
+    return Evaluation(
+        solved,
+        verdict,
+        figures,
+        *curves,
+        comparison,
+        agreement,
+        gyroscopes,
+        made_from,
+        cycles,
+        normal,
+        constraints,
+        centres,
+    )
 
 
 def solved_verdict(solved: SolvedRecording, models: Mapping[str, CameraModel]) -> Verdict:

@@ -12,20 +12,28 @@ from numpy.typing import NDArray
 
 
 class Spread(msgspec.Struct, frozen=True):
-    """Statistics of values, in the unit of the figure that they are of; ``p95`` is the 95th percentile."""
+    """Statistics of values, in the unit of the figure that they are of.
+
+    Attributes:
+        mean, median, min, max, sd: the five of A section 5.1; ``sd`` is the standard deviation.
+        p95: the 95th percentile.
+    """
 
     mean: float
     median: float
     p95: float
     max: float
+    min: float
+    sd: float
 
 
 def spread(values: NDArray[np.floating], factor: float = 1.0) -> Spread:
     """Statistics of values of any shape, times a factor; NaN ones do not count."""
     known = factor * values[np.isfinite(values)]
     if not known.size:
-        return Spread(np.nan, np.nan, np.nan, np.nan)
-    return Spread(float(known.mean()), float(np.median(known)), float(np.percentile(known, 95)), float(known.max()))
+        return Spread(np.nan, np.nan, np.nan, np.nan, np.nan, np.nan)
+    median, p95, most, least = np.percentile(known, [50, 95, 100, 0]).tolist()
+    return Spread(float(known.mean()), median, p95, most, least, float(known.std()))
 
 
 class ClockFigures(msgspec.Struct, frozen=True):
@@ -162,12 +170,32 @@ class EquipmentFigures(msgspec.Struct, frozen=True):
     lengths: dict[str, LengthFigures]
 
 
-class SegmentErrors(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Mean errors of a segment's origin, and of its joint, if it has one."""
+class TwoSpreads(msgspec.Struct, frozen=True, rename={"with_it": "with"}):
+    """One measure of two solutions: with the equipment, and without."""
 
-    position_cm: float
-    angle_deg: float | None = None
-    rotation_deg: float | None = None
+    with_it: Spread
+    without: Spread
+
+
+class BeforeAndAfter(msgspec.Struct, frozen=True):
+    """Errors of a camera's centre: registered alone, before the optimisation, and solved, after it."""
+
+    before: Spread
+    after: Spread
+
+
+class SegmentErrors(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Errors of a segment's origin, and of its joint, if it has one.
+
+    Attributes:
+        position_cm: after one rigid alignment of the recording.
+        angle_deg: the paper's measure: of the angle of the turn since the first frame (A figure 7a).
+        rotation_deg: about a changing axis, too.
+    """
+
+    position_cm: Spread
+    angle_deg: Spread | None = None
+    rotation_deg: Spread | None = None
 
 
 class TruthFigures(msgspec.Struct, frozen=True):
@@ -324,6 +352,8 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
         joint_ranges_deg: angle -> its least and greatest value.
         sliding: foot, and all together -> its sliding.
         cameras, sensors, stations: by camera.
+        without_equipment: distances from the equipment's points, and errors against a truth, with it and without.
+        camera_centres_mm: camera -> errors of its centre against a truth that has the cameras.
         made_from: records of what the recording was solved with.
     """
 
@@ -343,7 +373,9 @@ class EvaluationFigures(msgspec.Struct, frozen=True, omit_defaults=True):
     sensors: dict[str, SensorFigures] | None = None
     stations: dict[str, StationFigures] | None = None
     equipment: EquipmentFigures | None = None
+    without_equipment: dict[str, TwoSpreads] | None = None
     truth: TruthFigures | None = None
+    camera_centres_mm: dict[str, BeforeAndAfter] | None = None
     same_motion: SameMotion | None = None
     agreement: AgreementFigures | None = None
     gait: GaitFigures | None = None

@@ -8,14 +8,16 @@ from pathlib import Path
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.agreement import Agreement
 from bodycam_ros.evaluate.angle_panels import draw_angles
+from bodycam_ros.evaluate.camera_centres import draw_centres
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.evaluate.figures import SameMotion, figures_text
 from bodycam_ros.evaluate.gait_cycle import CONVENTION
 from bodycam_ros.evaluate.image_views import BODY_KEY, STATIC_KEY, ImageView, draw_views
-from bodycam_ros.evaluate.report_sections import ANGLES, report_sections
+from bodycam_ros.evaluate.report_sections import ANGLES, CENTRES, WITHOUT, report_sections
 from bodycam_ros.evaluate.sections import Picture, Section, render_page
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors, draw_sensors
+from bodycam_ros.evaluate.with_and_without import draw_constraints
 from bodycam_ros.files.output_place import check_file, check_output
 from bodycam_ros.files.whole_file import whole_files
 
@@ -27,6 +29,11 @@ _CAPTIONS = {
         "the angles are over the gait cycle, the mean and one standard deviation over the strides; else over time."
     ),
     "joints.png": "Error of each joint against the truth, over time.",
+    "centres.png": "Centres of the body cameras against the truth, before the optimisation and after it.",
+    "constraints.png": (
+        "The recording solved with the equipment and without: distances from its points, and the paths of the attached "
+        "points in space."
+    ),
     "sensors.png": "Inertial sensors: how far each gyroscope is from its camera as solved.",
     "overlay.png": (
         "Images of the body cameras that see most of the limbs; the solved body puts limbs and landmarks there."
@@ -42,7 +49,13 @@ _NORMAL_CAPTION = (
 )
 _SECTIONS = {
     "angles.png": (ANGLES,),
-    "joints.png": ("joints against the truth, mean", "joint angles by anatomical plane", "error of each joint"),
+    "joints.png": (
+        "joints against the truth: position [cm]",
+        "joint angles by anatomical plane",
+        "error of each joint",
+    ),
+    "centres.png": (CENTRES,),
+    "constraints.png": (WITHOUT,),
     "sensors.png": ("inertial sensors",),
     "overlay.png": ("cameras", "images of body cameras"),
     "outside.png": ("static cameras", "images of static cameras"),
@@ -141,6 +154,10 @@ def write_report(
         draw_angles(evaluation.solved, evaluation.cycles, unfinished / "angles.png", evaluation.normal)
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
+        if evaluation.centres:
+            draw_centres(evaluation.solved, evaluation.centres, unfinished / "centres.png")
+        if evaluation.constraints is not None:
+            draw_constraints(evaluation.constraints, unfinished / "constraints.png")
         if evaluation.gyroscopes:
             draw_sensors(evaluation.gyroscopes, unfinished / "sensors.png")
         for views, key, name in ((overlay, BODY_KEY, "overlay.png"), (outside, STATIC_KEY, "outside.png")):

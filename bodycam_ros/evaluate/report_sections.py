@@ -11,14 +11,22 @@ from bodycam_ros.evaluate.sections import Columns, Section, column_table
 from bodycam_ros.evaluate.sliding import ALL
 from bodycam_ros.files.shown import few
 
+CENTRES = "camera centres against the truth [mm]"
+"""Heading of the section on them, before and after the optimisation."""
+
+WITHOUT = "with the equipment and without"
+"""Heading of the section on what it changes."""
+
 ANGLES = "joint angles"
 """Heading of the section on them, on a page with their picture."""
 
-_SPREAD: Columns = (("mean", "mean", ".3f"), ("median", "median", ".3f"), ("p95", "p95", ".3f"), ("max", "max", ".3f"))
-_JOINTS: Columns = (
-    ("position [cm]", "position_cm", ".3f"), ("angle [deg]", "angle_deg", ".3f"),
-    ("rotation [deg]", "rotation_deg", ".3f"),
-)  # fmt: skip
+_SPREAD: Columns = tuple((name, name, ".3f") for name in ("mean", "sd", "min", "median", "p95", "max"))
+_MEASURES = {
+    "position_cm": ("position [cm]", "distance of the joint after one rigid alignment"),
+    "angle_deg": ("angle [deg]", "difference of the angles by which the joint has turned since the first frame"),
+    "rotation_deg": ("rotation [deg]", "angle between both rotations of the joint; it has the axis, too"),
+}
+"""Errors of ``SegmentErrors``: heading, and what it is the error of."""
 _PLANES: Columns = (
     ("error, mean [deg]", "error_deg.mean", ".2f"), ("max", "error_deg.max", ".2f"), ("bias", "bias", "+.2f"),
     ("95 % from", "low", "+.2f"), ("to", "high", "+.2f"), ("rmse", "rmse", ".2f"),
@@ -82,6 +90,14 @@ _CYCLE: Columns = (
     ("strides", "strides", "d"), ("most flexion [deg]", "peak_deg", ".1f"), ("at [%]", "peak_percent", ".0f"),
     ("least flexion [deg]", "trough_deg", ".1f"), ("at [%]", "trough_percent", ".0f"), ("sd [deg]", "sd_deg", ".1f"),
 )  # fmt: skip
+_WITHOUT: Columns = tuple(
+    (f"{name.removesuffix('_it')}, {each}", f"{name}.{each}", ".2f")
+    for name in ("with_it", "without")
+    for each in ("mean", "sd", "max")
+)
+_CENTRES: Columns = tuple(
+    (f"{name}, {each}", f"{name}.{each}", ".2f") for name in ("before", "after") for each in ("mean", "sd", "max")
+)
 _MAX_STRETCHES = 3
 
 
@@ -109,7 +125,13 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
             "rotation [deg]": truth.rotation_deg,
         }
         yield column_table("against the truth", "measure", _SPREAD, rows, note)
-        yield column_table("joints against the truth, mean", "segment", _JOINTS, truth.per_joint)
+        for name, (heading, meaning) in _MEASURES.items():
+            errors = {segment: getattr(each, name) for segment, each in truth.per_joint.items()}
+            known = {segment: each for segment, each in errors.items() if each is not None}
+            yield column_table(f"joints against the truth: {heading}", "segment", _SPREAD, known, meaning)
+    if figures.camera_centres_mm is not None:
+        note = "before: each camera registered alone; after: all cameras and the body solved together (A figure 6)"
+        yield column_table(CENTRES, "camera", _CENTRES, figures.camera_centres_mm, note)
     if figures.agreement is not None:
         yield from _agreement_sections(figures.agreement)
     if cameras := figures.cameras:
@@ -140,6 +162,9 @@ def report_sections(figures: EvaluationFigures) -> Iterator[Section]:
     yield column_table("body", "measure", _SPREAD, rows)
     if figures.equipment is not None:
         yield from equipment_sections(figures.equipment)
+    if figures.without_equipment is not None:
+        note = "distance of an attached point from its point on the equipment, where its pose is known"
+        yield column_table(WITHOUT, "measure", _WITHOUT, figures.without_equipment, note)
     if ALL in figures.sliding and figures.sliding[ALL].stances:
         note = (
             "mean, max: horizontal distance of heel or ball from its mean position in a stance; path: length of its "

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.results.body_motion import interpolated
-from bodycam_ros.results.solved_recording import GAP_FRAMES
+from bodycam_ros.results.solved_body import GAP_FRAMES
 
 logger = logging.getLogger(__name__)
 

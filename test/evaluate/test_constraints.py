@@ -8,8 +8,8 @@ from helpers.known_walk import FRAMES, Walk, walking_body, write_solved
 from helpers.naming import naming
 from helpers.ride_with_open_joints import UNPLACED, write_held
 
-from benchmarks.with_and_without import WithAndWithout, draw_constraints, with_and_without
 from bodycam_ros.errors import RecordingError
+from bodycam_ros.evaluate.with_and_without import WithAndWithout, draw_constraints, with_and_without
 from bodycam_ros.results.solved_recording import read_solved
 
 TURNED_DEG = 10.0 * np.sin(np.linspace(0.0, np.pi, FRAMES))
@@ -43,9 +43,9 @@ def test_distances_are_from_where_the_pedal_is(both: WithAndWithout) -> None:
 
 
 def test_both_are_measured_and_drawn(both: WithAndWithout, tmp_path: Path) -> None:
-    with_it, without = both.measures()["pedal left [mm]"]
-    assert with_it.max < 1e-3
-    assert without.max == pytest.approx(2e3 * PEDAL_M * np.sin(np.radians(5.0)), rel=0.01)
+    pedal = both.figures()["pedal left [mm]"]
+    assert pedal.with_it.max < 1e-3
+    assert pedal.without.max == pytest.approx(2e3 * PEDAL_M * np.sin(np.radians(5.0)), rel=0.01)
     draw_constraints(both, tmp_path / "feet.png")
     assert (tmp_path / "feet.png").stat().st_size > 10_000
 

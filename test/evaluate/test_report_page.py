@@ -20,7 +20,7 @@ def test_each_entry_of_the_contents_leads_to_its_heading(solved: Path, truth: Pa
     assert len(links) > 3 and links == headings
     pictures = [path for path in (tmp_path / "report").iterdir() if path.suffix == ".png"]
     assert page.count("<img ") == len(pictures) >= 2
-    after_table = page.split("joints against the truth, mean</h2>")[1].split("<h2")[0]
+    after_table = page.split("joints against the truth: position [cm]</h2>")[1].split("<h2")[0]
     assert "Error of each joint" in after_table, "the picture stands beside the table that it explains"
 
 

@@ -1,22 +1,18 @@
-"""A recording solved with equipment beside the same one solved without (B figure 12).
+"""A recording solved with equipment beside the same one solved without (B figures 9, 10 and 12)."""
 
-python -m benchmarks.with_and_without OUT OUT_WITHOUT -o PNG [--truth RECORDING] prints distances from the points of the
-equipment, and errors against a truth, and draws the former.
-"""
-
-import argparse
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mpl_toolkits.mplot3d.axes3d import Axes3D
 from numpy.typing import NDArray
 
 from bodycam_ros.errors import RecordingError
-from bodycam_ros.evaluate.comparison import Comparison, TrueMotion, compare, read_true_motion
-from bodycam_ros.evaluate.figures import Spread, spread
+from bodycam_ros.evaluate.comparison import Comparison, TrueMotion, compare
+from bodycam_ros.evaluate.figures import TwoSpreads, spread
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
-from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
+from bodycam_ros.results.solved_recording import SolvedRecording
 
 _MAX_PANELS = 3
 
@@ -28,13 +24,25 @@ class ConstrainedPoint:
     Attributes:
         name: of the attachment: "foot_left".
         segment: of the body.
-        off_with, off_without: (T,) distance [m] from the equipment's point, with the equipment and without.
+        with_it, without: (T, 3) point of the person that is attached [m], with the equipment and without.
+        equipment: (T, 3) the point of the equipment that it is attached to [m].
     """
 
     name: str
     segment: str
-    off_with: Array
-    off_without: Array
+    with_it: Array
+    without: Array
+    equipment: Array
+
+    @property
+    def off_with(self) -> Array:
+        """(T,) distance from the equipment's point [m], with the equipment."""
+        return _distance(self.with_it, self.equipment)
+
+    @property
+    def off_without(self) -> Array:
+        """(T,) distance from the equipment's point [m], without the equipment."""
+        return _distance(self.without, self.equipment)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,17 +63,19 @@ class WithAndWithout:
     true_with: Comparison | None
     true_without: Comparison | None
 
-    def measures(self) -> dict[str, tuple[Spread, Spread]]:
-        """Name -> figures with the equipment, and without."""
-        pairs = {
-            f"{point.name.replace('_', ' ')} [mm]": (spread(point.off_with, 1e3), spread(point.off_without, 1e3))
+    def figures(self) -> dict[str, TwoSpreads]:
+        """Measure -> figures with the equipment, and without."""
+        found = {
+            f"{point.name.replace('_', ' ')} [mm]": TwoSpreads(
+                spread(point.off_with, 1e3), spread(point.off_without, 1e3)
+            )
             for point in self.points
         }
         if self.true_with is not None and self.true_without is not None:
-            figures = self.true_with.figures(), self.true_without.figures()
-            pairs["joints against the truth [cm]"] = figures[0].position_cm, figures[1].position_cm
-            pairs["angles against the truth [deg]"] = figures[0].angle_deg, figures[1].angle_deg
-        return pairs
+            ours, theirs = self.true_with.figures(), self.true_without.figures()
+            found["joints against the truth [cm]"] = TwoSpreads(ours.position_cm, theirs.position_cm)
+            found["angles against the truth [deg]"] = TwoSpreads(ours.angle_deg, theirs.angle_deg)
+        return found
 
 
 def with_and_without(
@@ -108,8 +118,7 @@ def with_and_without(
                     (solved, machine[0], rows), (solved, person[0], rows), (other, person[0], other_rows),
                 )
             )  # fmt: skip
-            off = (np.linalg.norm(body - on_machine, axis=1) for body in (with_it, without))
-            points.append(ConstrainedPoint(joint.name, person[0], *off))
+            points.append(ConstrainedPoint(joint.name, person[0], with_it, without, on_machine))
     if not points:
         raise RecordingError(f"{other.path}: has none of the segments that equipment constrains in {solved.path}")
     points.sort(key=lambda point: not point.segment.startswith("foot"))
@@ -117,45 +126,48 @@ def with_and_without(
     return WithAndWithout(solved, other, shared[placed], tuple(points), compared, true_without)
 
 
+def _distance(here: Array, there: Array) -> Array:
+    distance: Array = np.linalg.norm(here - there, axis=1)
+    return distance
+
+
 def draw_constraints(both: WithAndWithout, path: Path) -> None:
-    """Write a picture as PNG: distances from the equipment's points, with it and without (B figure 12).
+    """Write a picture as PNG, with the equipment and without: distances from its points (B figure 12), paths (B 10).
 
     Raises:
         OSError: the file cannot be written.
     """
     feet = [point for point in both.points if point.segment.startswith("foot")]
     points = (feet or both.points)[:_MAX_PANELS]
-    with open_picture(path, 14.0, 3.4) as figure:
-        for axes, point in zip(figure.subplots(1, len(points), squeeze=False)[0], points, strict=True):
+    with open_picture(path, 14.0, 8.6) as figure:
+        grid = figure.add_gridspec(2, len(points), height_ratios=(3.2, 5.4))
+        for column, point in enumerate(points):
+            axes = figure.add_subplot(grid[0, column])
             for off, colour, name in ((point.off_without, CAUTION, "without"), (point.off_with, INK, "with")):
                 curve = both.solved.curve(both.stamps_ns, 1e3 * off)
-                label = f"{name}: {1e3 * float(off.mean()):.1f} mm, {1e3 * float(off.max()):.1f} at most"
+                label = f"{name}: mean {1e3 * float(off.mean()):.1f} mm, at most {1e3 * float(off.max()):.1f}"
                 axes.plot(*curve, color=colour, linewidth=1.4, label=label)
             axes.set_ylim(0.0, 1.35e3 * max(1e-3, float(max(point.off_without.max(), point.off_with.max()))))
             axes.set_xlabel("time [s]")
             axes.set_ylabel("distance [mm]")
             axes.legend(loc="upper right", ncols=2, labelcolor=QUIET)
             light_grid(axes)
-            panel_title(axes, point.name.replace("_", " "), "from its point on the equipment")
-        figure.subplots_adjust(left=0.05, right=0.985, top=0.86, bottom=0.15, wspace=0.18)
+            panel_title(axes, point.name.replace("_", " "), "distance from its point on the equipment")
+            _draw_paths(figure.add_subplot(grid[1, column], projection="3d"), point)
+        figure.subplots_adjust(left=0.05, right=0.97, top=0.93, bottom=0.05, wspace=0.18, hspace=0.18)
 
 
-def main() -> None:
-    """Compare, print and draw."""
-    parser = argparse.ArgumentParser(prog="benchmarks.with_and_without", description=__doc__)
-    parser.add_argument("solved", type=Path)
-    parser.add_argument("without", type=Path)
-    parser.add_argument("--truth", type=Path)
-    parser.add_argument("-o", "--output", type=Path, required=True)
-    arguments = parser.parse_args()
-    solved, truth = read_solved(arguments.solved), arguments.truth and read_true_motion(arguments.truth)
-    compared = None if truth is None else compare(solved, truth)
-    both = with_and_without(solved, read_solved(arguments.without), truth, compared)
-    for name, (ours, theirs) in both.measures().items():
-        print(f"{name}: with {ours.mean:.2f}, {ours.max:.2f} at most", end="; ")
-        print(f"without {theirs.mean:.2f}, {theirs.max:.2f} at most")
-    draw_constraints(both, arguments.output)
-
-
-if __name__ == "__main__":
-    main()
+def _draw_paths(axes: Axes3D, point: ConstrainedPoint) -> None:
+    """The paths of an attached point in space: a pedal's is a circle (B figure 10)."""
+    middle = np.nanmean(point.equipment, axis=0)
+    for positions, colour, width in ((point.without, CAUTION, 1.0), (point.with_it, INK, 1.4)):
+        axes.plot(*(1e3 * (positions - middle)).T, color=colour, linewidth=width)
+    axes.set_aspect("equal")
+    if np.ptp(point.equipment[:, 1]) < np.ptp(point.equipment[:, 0]):
+        axes.locator_params(axis="y", nbins=2)  # a circle is as flat as a bicycle, across its own way
+    else:
+        axes.locator_params(axis="x", nbins=2)
+    axes.set_xlabel("x [mm]")
+    axes.set_ylabel("y [mm]")
+    axes.set_zlabel("z [mm]")
+    axes.set_title("path in space, from the middle of the equipment's point", color=QUIET, fontsize=9.0)
