@@ -64,7 +64,7 @@ class SkinnedSurface:
         turned = segment_poses[..., :3, :3] @ np.swapaxes(self.neutral[:, :3, :3], -1, -2)
         above, below = turned[..., self.halves[:, 0], :, :], turned[..., self.halves[:, 1], :, :]
         half = above @ exp_so3(0.5 * log_so3(np.swapaxes(above, -1, -2) @ below))
-        halves = rigid(half, segment_poses[..., self.halves[:, 1], :3, 3])
+        halves = rigid(half, segment_poses[..., :3, 3][..., self.halves[:, 1], :])
         poses: Array = np.concatenate([segment_poses, halves], axis=-3)
         return poses
 

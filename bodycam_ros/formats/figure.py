@@ -19,7 +19,7 @@ from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMo
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid
 from bodycam_ros.kinematics.joint_angles import EulerOrder
 
-_WORLD_R_REST = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # ours faces along x
+WORLD_R_REST = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # ours faces along x
 _MAX_DEPTH = 200  # of bones on each other: programs go down them by recursion
 
 REST_POSES: Mapping[str, float] = {"N": 0.0, "T": np.pi / 2.0, "A": np.pi / 4.0}
@@ -74,7 +74,7 @@ class Figure:
         rows = [body.segment_index[segment] for segment in segments]
         parents = tuple(segments.index(motion.parents[s]) if s in motion.parents else -1 for s in segments)
         _check_depth(segments, parents)
-        world_T_rest = rigid(_WORLD_R_REST, np.zeros(3)) @ rest_pose(body, options.pose or "N")[rows]
+        world_T_rest = rigid(WORLD_R_REST, np.zeros(3)) @ rest_pose(body, options.pose or "N")[rows]
         moved = motion.world_T_segment[:, rows]
         since_rest = moved[..., :3, :3] @ np.swapaxes(world_T_rest[:, :3, :3], -1, -2)
         rest = rigid(program_R_world @ world_T_rest[:, :3, :3], scale * world_T_rest[:, :3, 3] @ program_R_world.T)

@@ -5,40 +5,16 @@ In its rest pose the body stands on the ground at the origin. In a gap there are
 
 import json
 import struct
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.limb_mesh import capsule_surfaces
-from bodycam_ros.body.surface import join_meshes
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
-from bodycam_ros.geometry import quaternion_xyzw, transform_points
-
-if TYPE_CHECKING:
-    from trimesh import Trimesh
-
-
-def make_skin(figure: Figure, body: BodyModel) -> "tuple[Trimesh, NDArray[np.intp]] | None":
-    """Triangles of a figure in units of metres, as ``Figure.rest`` has its segments; None if no bone has a length.
-
-    With it (V) the row of the bone that moves each vertex.
-    """
-    from trimesh import Trimesh  # half a second to load; other formats do without
-
-    surfaces = capsule_surfaces(body)
-    rows = [row for row, segment in enumerate(figure.segments) if segment in surfaces]
-    of_rows = [surfaces[figure.segments[row]] for row in rows]
-    if not rows:
-        return None
-    meshes = [
-        (transform_points(figure.rest[row], each.vertices), each.faces) for row, each in zip(rows, of_rows, strict=True)
-    ]
-    return Trimesh(*join_meshes(meshes), process=False), np.repeat(rows, [len(each.vertices) for each in of_rows])
-
+from bodycam_ros.formats.skinned_figure import SkinnedFigure
+from bodycam_ros.geometry import quaternion_xyzw
 
 MARK = '"generator":"bodycam_ros"'
 
@@ -58,11 +34,11 @@ def write_glb(motion: SampledMotion, options: MotionOptions) -> bytes:
     Raises:
         BodyError: two bones would have the same name, or there are more than fit in a skin.
     """
-    figure = Figure.from_motion(motion, options, _UP)
+    skinned = SkinnedFigure.from_motion(motion, options, _UP)
+    figure, has_skin = skinned.figure, len(skinned.vertices) > 0
     if len(figure.names) > _MOST_BONES:
-        raise BodyError(f"{motion.name}: {len(figure.names)} segments are more than the {_MOST_BONES} of a glTF skin")
-    skin = make_skin(figure, motion.body)
-    lowest = skin[0].vertices[:, 1].min() if skin else figure.rest[:, 1, 3].min()
+        raise BodyError(f"{motion.name}: {len(figure.names)} bones are more than the {_MOST_BONES} of a glTF skin")
+    lowest = skinned.vertices[:, 1].min() if has_skin else figure.rest[:, 1, 3].min()
     standing = np.array([0.0, -float(lowest), 0.0])
     buffer = _Buffer()
     nodes = _nodes(figure, standing)
@@ -74,11 +50,11 @@ def write_glb(motion: SampledMotion, options: MotionOptions) -> bytes:
         "animations": [{"name": motion.name, **_animation(motion, figure, buffer)}],
     }
     inside = [0]
-    if skin is not None:
-        document |= _skinned(figure, *skin, standing, buffer)
+    if has_skin:
+        document |= _skinned(skinned, standing, buffer)
         inside.append(len(nodes) + 1)
     nodes.append({"name": motion.body.name, "children": inside})
-    if skin is not None:
+    if has_skin:
         nodes.append({"name": "skin", "mesh": 0, "skin": 0})
     document |= {"accessors": buffer.accessors, "bufferViews": buffer.views}
     document["buffers"] = [{"byteLength": len(buffer.content)}]
@@ -108,25 +84,20 @@ def _animation(motion: SampledMotion, figure: Figure, buffer: "_Buffer") -> dict
     return {"samplers": samplers, "channels": channels}
 
 
-def _skinned(
-    figure: Figure, skin: "Trimesh", rows: NDArray[np.intp], standing: NDArray[np.float64], buffer: "_Buffer"
-) -> dict[str, Any]:
-    bones = np.zeros((len(rows), 4), np.uint8)
-    bones[:, 0] = rows
-    weights = np.zeros((len(rows), 4), np.float32)
-    weights[:, 0] = 1.0
+def _skinned(skinned: SkinnedFigure, standing: NDArray[np.float64], buffer: "_Buffer") -> dict[str, Any]:
+    figure = skinned.figure
     # Bones have no rotation in the rest pose; matrices are column-major.
     bind = np.tile(np.eye(4, dtype=np.float32), (len(figure.names), 1, 1))
     bind[:, 3, :3] = -(figure.rest[:, :3, 3] + standing)
-    vertices = (skin.vertices + standing).astype(np.float32)
+    vertices = (skinned.vertices + standing).astype(np.float32)
     primitive = {
         "attributes": {
             "POSITION": buffer.add(vertices, _VERTICES, with_range=True),
-            "NORMAL": buffer.add(skin.vertex_normals.astype(np.float32), _VERTICES),
-            "JOINTS_0": buffer.add(bones, _VERTICES),
-            "WEIGHTS_0": buffer.add(weights, _VERTICES),
+            "NORMAL": buffer.add(skinned.normals.astype(np.float32), _VERTICES),
+            "JOINTS_0": buffer.add(skinned.joints.astype(np.uint8), _VERTICES),
+            "WEIGHTS_0": buffer.add(skinned.weights.astype(np.float32), _VERTICES),
         },
-        "indices": buffer.add(skin.faces.reshape(-1, 1).astype(np.uint32), _INDICES),
+        "indices": buffer.add(skinned.triangles.reshape(-1, 1).astype(np.uint32), _INDICES),
         "material": 0,
     }
     matte = {"baseColorFactor": _SKIN_COLOUR, "metallicFactor": 0.0, "roughnessFactor": 0.8}

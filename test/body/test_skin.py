@@ -138,3 +138,9 @@ def test_a_body_of_other_segments_has_a_skin() -> None:
     mesh = trimesh.Trimesh(skin.vertices, skin.triangles, process=False)
     assert mesh.is_watertight
     np.testing.assert_allclose(skin.weights.sum(axis=1), 1.0, rtol=0.0, atol=1e-12)
+
+
+def test_bones_of_many_poses_are_those_of_each(skin: SkinnedSurface, body: BodyModel) -> None:
+    poses = np.stack([bent(body, skin.rest, "shin_left", degrees) for degrees in (0.0, 30.0, 90.0)])
+    each = np.stack([skin.bone_poses(pose) for pose in poses])
+    np.testing.assert_allclose(skin.bone_poses(poses), each, rtol=0.0, atol=1e-12)
