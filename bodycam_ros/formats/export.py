@@ -106,7 +106,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "glb": Format(
         "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web", glb.MARK, glb.write_glb,
-        _FIGURE,
+        _FIGURE | {"character", "bones"},
     ),
     "csv": Format(
         "positions, quaternions and joint angles, a row per frame, for spreadsheets", csv.MARK, csv.write_csv, _RATE,
