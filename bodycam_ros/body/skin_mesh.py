@@ -9,6 +9,7 @@ from bodycam_ros.body.skin_kernels import distance_to_limbs
 from bodycam_ros.body.surface import Faces
 from bodycam_ros.geometry import Array
 
+_SMOOTHINGS = 20  # steps that take away what the grid leaves of seams, and keep the volume
 _FILLET = 0.045
 """Reach of fillets where limbs meet, in statures: it rounds shoulders, the neck and the crotch."""
 
@@ -21,7 +22,9 @@ def skin_mesh(placed: Sequence[tuple[Array, Limb]], edge_m: float, stature_m: fl
         edge_m: longest edge [m], approximately.
         stature_m: of the body [m].
     """
-    from manifold3d import Manifold  # exports of motion without a skin do without
+    from manifold3d import Manifold  # with trimesh half a second to load; exports without a skin do without
+    from trimesh import Trimesh
+    from trimesh.smoothing import filter_taubin
 
     frames, balls, first = [], [], [0]
     for world_T_segment, (start, end, along, across) in placed:
@@ -43,4 +46,6 @@ def skin_mesh(placed: Sequence[tuple[Array, Limb]], edge_m: float, stature_m: fl
         lambda x, y, z: -distance_to_limbs(x, y, z, *fields, fillet), [*low.tolist(), *high.tolist()], edge_m
     )
     mesh = solid.to_mesh64()
-    return np.array(mesh.vert_properties, np.float64)[:, :3], np.array(mesh.tri_verts, np.int32)
+    smooth = Trimesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts), process=False)
+    filter_taubin(smooth, iterations=_SMOOTHINGS)
+    return np.array(smooth.vertices, np.float64), np.array(smooth.faces, np.int32)
