@@ -47,5 +47,5 @@ def skin_mesh(placed: Sequence[tuple[Array, Limb]], edge_m: float, stature_m: fl
     )
     mesh = solid.to_mesh64()
     smooth = Trimesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts), process=False)
-    filter_taubin(smooth, iterations=_SMOOTHINGS)
+    filter_taubin(smooth, iterations=_SMOOTHINGS)  # type: ignore[no-untyped-call]
     return np.array(smooth.vertices, np.float64), np.array(smooth.faces, np.int32)
