@@ -3,14 +3,13 @@
 from pathlib import Path
 
 import numpy as np
-import pygltflib
 import pytest
 import yaml
 from helpers.exported_files import Exported
 from helpers.known_walk import Walk, write_solved
+from helpers.read_glb import OURS_R_SCENE, ReadGlb
 from helpers.rigged_character import ANKLE_M, Build, bone_names, write_character
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.cli.main import main
@@ -18,7 +17,6 @@ from bodycam_ros.geometry import transform_points
 from bodycam_ros.results.stances import find_stances
 
 Array = NDArray[np.float64]
-OURS_R_SCENE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 BUILDS = [
     Build("mixamo", unit_m=0.01, posed=True),
@@ -35,58 +33,9 @@ def exported(sample_out: Path, tmp_path_factory: pytest.TempPathFactory) -> Expo
     return Exported.of(sample_out, tmp_path_factory.mktemp("character"))
 
 
-class Read:
-    """A GLB with its animation, by its nodes' names; in our axes."""
-
-    def __init__(self, path: Path) -> None:
-        self.file = pygltflib.GLTF2().load(str(path))
-        self.parents = {child: row for row, node in enumerate(self.file.nodes) for child in node.children or ()}
-        self.rows = {node.name: row for row, node in enumerate(self.file.nodes)}
-        (animation,) = self.file.animations
-        self.seconds = self.accessor(animation.samplers[0].input)[:, 0]
-        self.keys = {
-            (channel.target.node, channel.target.path): self.accessor(animation.samplers[channel.sampler].output)
-            for channel in animation.channels
-        }
-
-    def accessor(self, row: int) -> Array:
-        accessor = self.file.accessors[row]
-        view = self.file.bufferViews[accessor.bufferView]
-        width = {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[accessor.type]
-        data = self.file.binary_blob()[view.byteOffset : view.byteOffset + view.byteLength]
-        kind = {5126: "<f4", 5121: "u1"}[accessor.componentType]
-        return np.frombuffer(data, kind).reshape(accessor.count, width).astype(np.float64)
-
-    def world(self, row: int, moved: bool = True) -> Array:
-        """(T, 4, 4) poses with scale of a node in the scene; as it rests if it is not moved."""
-        node, count = self.file.nodes[row], len(self.seconds)
-        parts = {}
-        for path, rest in (("translation", (0.0,) * 3), ("rotation", (0.0, 0.0, 0.0, 1.0)), ("scale", (1.0,) * 3)):
-            own = np.tile(np.array(getattr(node, path) or rest, float), (count, 1))
-            parts[path] = self.keys.get((row, path), own) if moved else own
-        local = np.tile(np.eye(4), (count, 1, 1))
-        local[:, :3, :3] = Rotation.from_quat(parts["rotation"]).as_matrix() * parts["scale"][:, None]
-        local[:, :3, 3] = parts["translation"]
-        return self.world(self.parents[row], moved) @ local if row in self.parents else local
-
-    def places(self, bone: str) -> Array:
-        """(T, 3) where a bone begins, in our axes."""
-        return self.world(self.rows[bone])[:, :3, 3] @ OURS_R_SCENE.T
-
-    def skin(self, moved: bool) -> Array:
-        """(T, V, 3) points of the skin in the scene."""
-        joints = self.file.skins[0].joints
-        bind = self.accessor(self.file.skins[0].inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
-        attributes = self.file.meshes[0].primitives[0].attributes
-        owners = self.accessor(attributes.JOINTS_0)[:, 0].astype(int)
-        poses = np.stack([self.world(joint, moved) for joint in joints], axis=1) @ bind
-        points = self.accessor(attributes.POSITION)
-        return np.einsum("tvij,vj->tvi", poses[:, owners], np.column_stack([points, np.ones(len(points))]))[..., :3]
-
-
-def follow(exported: Exported, build: Build, *flags: str) -> Read:
+def follow(exported: Exported, build: Build, *flags: str) -> ReadGlb:
     character = write_character(build, exported.folder / f"{build.family}.hero.glb")
-    return Read(exported.file("glb", "--character", str(character), "--force", *flags, name=f"{build.family}.out"))
+    return ReadGlb(exported.file("glb", "--character", str(character), "--force", *flags, name=f"{build.family}.out"))
 
 
 def angle_deg(first: Array, second: Array) -> Array:
@@ -181,7 +130,7 @@ def test_bones_of_unknown_names_are_named_in_a_table(exported: Exported, capsys:
     file.write_text(yaml.safe_dump(table | {"head": names["head"], "hand_left": "Lb3", "hand_right": "Rb3"}))
     assert main([*command, "--bones", str(file)]) == 0
     by_names = follow(exported, Build("mixamo"))
-    by_table = Read(exported.folder / "table.glb")
+    by_table = ReadGlb(exported.folder / "table.glb")
     mixamo = bone_names("mixamo")
     for bone, name in names.items():
         np.testing.assert_allclose(by_table.places(name), by_names.places(mixamo[bone]), rtol=0.0, atol=1e-5)

@@ -109,7 +109,7 @@ def bone_places(build: Build) -> dict[str, Array]:
 
 
 def write_character(build: Build, path: Path) -> Path:
-    """Write a character whose bones have frames turned at random, and whose skin is two points at each bone."""
+    """Write a character whose bones have frames turned at random, and whose skin is triangles between its joints."""
     random = np.random.default_rng(5)
     names, places = bone_names(build.family), bone_places(build)
     file_R = Rotation.from_euler("x", 90, degrees=True).as_matrix() if build.z_up else np.eye(3)
@@ -140,8 +140,11 @@ def write_character(build: Build, path: Path) -> Path:
     joints = np.zeros((len(points), 4), "u1")
     joints[:, 0] = owners
     weights = np.tile(np.array([1.0, 0.0, 0.0, 0.0], "<f4"), (len(points), 1))
+    row = np.arange(len(points) - 2)
+    triangles = np.stack([row, row + 1, row + 2], axis=1).reshape(-1, 1).astype("<u4")
     arrays = [
         (points.astype("<f4"), 5126, "VEC3"), (joints, 5121, "VEC4"), (weights, 5126, "VEC4"), (inverse, 5126, "MAT4"),
+        (triangles, 5125, "SCALAR"),
     ]  # fmt: skip
     binary, views, accessors = b"", [], []
     for array, kind, shape in arrays:
@@ -155,7 +158,7 @@ def write_character(build: Build, path: Path) -> Path:
         "scene": 0,
         "scenes": [{"nodes": [len(nodes) - 2, len(nodes) - 1]}],
         "nodes": nodes,
-        "meshes": [{"primitives": [{"attributes": attributes, "mode": 0}]}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 4}]}],
         "skins": [{"joints": list(range(len(bones))), "inverseBindMatrices": 3}],
         "accessors": accessors,
         "bufferViews": views,
