@@ -1,13 +1,17 @@
-"""One closed mesh around a body: the smooth union of its limbs as a signed distance field, meshed by manifold3d."""
+"""One closed mesh around a body, by manifold3d.
 
-from collections.abc import Sequence
+It is the smooth union of the body's limbs, meshed from their signed distance field; or the union of scanned surfaces.
+"""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from bodycam_ros.body.limb_mesh import Limb, dense_balls, limb_axes
 from bodycam_ros.body.skin_kernels import distance_to_limbs
-from bodycam_ros.body.surface import Faces
-from bodycam_ros.geometry import Array
+from bodycam_ros.body.surface import Faces, Surface
+from bodycam_ros.errors import BodyError
+from bodycam_ros.geometry import Array, transform_points
 
 _SMOOTHINGS = 20  # steps that take away what the grid leaves of seams, and keep the volume
 _FILLET = 0.045
@@ -49,3 +53,26 @@ def skin_mesh(placed: Sequence[tuple[Array, Limb]], edge_m: float, stature_m: fl
     smooth = Trimesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts), process=False)
     filter_taubin(smooth, iterations=_SMOOTHINGS)  # type: ignore[no-untyped-call]
     return np.array(smooth.vertices, np.float64), np.array(smooth.faces, np.int32)
+
+
+def joined_mesh(placed: Mapping[str, tuple[Array, Surface]], edge_m: float) -> tuple[Array, Faces]:
+    """A closed mesh (V, 3) [m], (F, 3), outward, around surfaces that overlap.
+
+    Args:
+        placed: segment -> its pose world_T_segment (4, 4), and its surface.
+        edge_m: longest edge [m]: longer ones are divided, so that the mesh bends.
+
+    Raises:
+        BodyError: a surface is not closed; the message names its segment.
+    """
+    from manifold3d import Error, Manifold, Mesh64, OpType
+
+    parts = []
+    for segment, (world_T_segment, surface) in placed.items():
+        points = np.ascontiguousarray(transform_points(world_T_segment, surface.vertices))
+        solid = Manifold(Mesh64(points, np.ascontiguousarray(surface.faces, np.uint64)))
+        if solid.status() != Error.NoError or solid.is_empty():
+            raise BodyError(f"the surface of {segment} is not closed; close its holes, or leave its file out")
+        parts += solid.decompose()
+    mesh = Manifold.batch_boolean(parts, OpType.Add).refine_to_length(edge_m).to_mesh64()
+    return np.array(mesh.vert_properties, np.float64)[:, :3], np.array(mesh.tri_verts, np.int32)

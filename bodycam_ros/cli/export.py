@@ -41,6 +41,10 @@ _OPTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
         "Mixamo, Unreal, Blender, the CMU, 3ds Max and VRM",
         {"type": Path, "metavar": "FILE"},
     ),
+    "surface": (
+        "scan of the person, a mesh per segment (thigh_left.obj or .ply), that is the skin; others have their girths",
+        {"type": Path, "metavar": "FOLDER"},
+    ),
     "bones": ("names of the character's bones, lines such as 'thigh_left: NAME'", {"type": Path, "metavar": "YAML"}),
 }
 """Field of ``MotionOptions`` -> its meaning, and how it is parsed."""
@@ -84,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _export_robot(arguments, options)
     if given := given_flags(arguments, "urdf", "mapping"):
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
-    check_output(output, (*sources, options.character, options.bones))
+    check_output(output, (*sources, options.character, options.bones, options.surface))
     with shown_progress() as progress:
         written = export(sources, arguments.to, output, arguments.force, options, progress, span)
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")

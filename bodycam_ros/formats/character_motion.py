@@ -29,9 +29,9 @@ def write_character(motion: SampledMotion, options: MotionOptions) -> bytes:
 
     Raises:
         BodyError: the character cannot be read or is no humanoid, or the body lacks a pelvis.
-        SettingsError: a rest pose or names are given, which the character has.
+        SettingsError: a rest pose, names or a surface are given, which the character has.
     """
-    if given := [f"--{name}" for name in ("pose", "names") if getattr(options, name) is not None]:
+    if given := [f"--{name}" for name in ("pose", "names", "surface") if getattr(options, name) is not None]:
         raise SettingsError(f"{', '.join(given)} has no effect on a character, which has its own; leave it out")
     assert options.character is not None
     character = read_character(options.character, options.bones)

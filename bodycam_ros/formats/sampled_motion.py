@@ -52,6 +52,7 @@ class MotionOptions:
         mass: of the whole person [kg].
         character: GLB or VRM of a rigged character that moves instead of the body.
         bones: YAML with the names of its bones.
+        surface: folder with scanned meshes of segments, which are the skin.
 
     Raises:
         SettingsError: a value out of its range.
@@ -66,6 +67,7 @@ class MotionOptions:
     mass: float | None = None
     character: Path | None = None
     bones: Path | None = None
+    surface: Path | None = None
 
     def __post_init__(self) -> None:
         for name, value, largest, unit in (
