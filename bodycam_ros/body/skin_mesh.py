@@ -4,6 +4,7 @@ It is the smooth union of the body's limbs, meshed from their signed distance fi
 """
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,7 +14,11 @@ from bodycam_ros.body.surface import Faces, Surface
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, transform_points
 
-_SMOOTHINGS = 20  # steps that take away what the grid leaves of seams, and keep the volume
+if TYPE_CHECKING:
+    from manifold3d import Manifold
+
+_GRID_SMOOTHINGS, _SEAM_SMOOTHINGS = 20, 5  # steps that take away ridges of the grid, and slivers of scans' seams
+_MOST_CELLS = 2_000_000  # of the grid: some ten seconds; a person's has 120 000
 _FILLET = 0.045
 """Reach of fillets where limbs meet, in statures: it rounds shoulders, the neck and the crotch."""
 
@@ -23,14 +28,12 @@ def skin_mesh(placed: Sequence[tuple[Array, Limb]], edge_m: float, stature_m: fl
 
     Args:
         placed: pose world_T_segment (4, 4) of each limb's segment, and the limb in its segment's frame.
-        edge_m: longest edge [m], approximately.
+        edge_m: longest edge [m], approximately; longer for limbs that are far apart.
         stature_m: of the body [m].
     """
     from manifold3d import Manifold  # with trimesh half a second to load; exports without a skin do without
-    from trimesh import Trimesh
-    from trimesh.smoothing import filter_taubin
 
-    frames, balls, first = [], [], [0]
+    frames, balls, first, ends = [], [], [0], []
     for world_T_segment, (start, end, along, across) in placed:
         axes = limb_axes(start, end, across) @ world_T_segment[:3, :3].T
         at, radii, breadth, depth = dense_balls(start, end, along)
@@ -42,17 +45,16 @@ def skin_mesh(placed: Sequence[tuple[Array, Limb]], edge_m: float, stature_m: fl
         frames.append(np.concatenate([origin, axes.ravel(), origin + middle, [around]]))
         balls.append(np.stack([at, radii, radii * breadth, radii * depth], axis=1))
         first.append(first[-1] + len(at))
+        ends += [origin + reach - largest[:, None], origin + reach + largest[:, None]]
     fields = np.array(frames), np.concatenate(balls), np.array(first, np.int64)
-    low = (fields[0][:, 12:15] - fields[0][:, 15:]).min(axis=0) - edge_m
-    high = (fields[0][:, 12:15] + fields[0][:, 15:]).max(axis=0) + edge_m
     fillet = _FILLET * stature_m
+    corners = np.concatenate(ends)
+    low, high = corners.min(axis=0) - fillet, corners.max(axis=0) + fillet
+    edge_m = max(edge_m, float(np.cbrt(np.prod(high - low) / _MOST_CELLS)))
     solid = Manifold.level_set(
         lambda x, y, z: -distance_to_limbs(x, y, z, *fields, fillet), [*low.tolist(), *high.tolist()], edge_m
     )
-    mesh = solid.to_mesh64()
-    smooth = Trimesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts), process=False)
-    filter_taubin(smooth, iterations=_SMOOTHINGS)  # type: ignore[no-untyped-call]
-    return np.array(smooth.vertices, np.float64), np.array(smooth.faces, np.int32)
+    return _smoothed(solid, _GRID_SMOOTHINGS)
 
 
 def joined_mesh(placed: Mapping[str, tuple[Array, Surface]], edge_m: float) -> tuple[Array, Faces]:
@@ -74,5 +76,15 @@ def joined_mesh(placed: Mapping[str, tuple[Array, Surface]], edge_m: float) -> t
         if solid.status() != Error.NoError or solid.is_empty():
             raise BodyError(f"the surface of {segment} is not closed; close its holes, or leave its file out")
         parts += solid.decompose()
-    mesh = Manifold.batch_boolean(parts, OpType.Add).refine_to_length(edge_m).to_mesh64()
-    return np.array(mesh.vert_properties, np.float64)[:, :3], np.array(mesh.tri_verts, np.int32)
+    return _smoothed(Manifold.batch_boolean(parts, OpType.Add).refine_to_length(edge_m), _SEAM_SMOOTHINGS)
+
+
+def _smoothed(solid: "Manifold", steps: int) -> tuple[Array, Faces]:
+    """The mesh of a solid after steps of Taubin's filter, which keeps its volume."""
+    from trimesh import Trimesh
+    from trimesh.smoothing import filter_taubin
+
+    mesh = solid.to_mesh64()
+    smooth = Trimesh(np.array(mesh.vert_properties)[:, :3], np.array(mesh.tri_verts), process=False)
+    filter_taubin(smooth, iterations=steps)  # type: ignore[no-untyped-call]
+    return np.array(smooth.vertices, np.float64), np.array(smooth.faces, np.int32)
