@@ -56,25 +56,38 @@ def limb_mesh(start: Array, end: Array, balls: Sequence[Ball], across: Array) ->
         balls: in their order along the line.
         across: (3,) direction in which limbs that are not round are broader; made perpendicular to the line.
     """
-    length = float(np.linalg.norm(end - start))
-    axis = (end - start) / length
-    if np.linalg.norm(np.cross(across, axis)) < _PARALLEL:
-        across = np.eye(3)[np.abs(axis).argmin()]
-    broad = across - (across @ axis) * axis
-    broad = broad / np.linalg.norm(broad)
-    numbers = np.array([(ball.along * length, ball.radius, ball.breadth, ball.depth) for ball in balls])
-    # Balls between two, with radii between theirs, have the cone that touches both as their hull.
-    dense = np.linspace(0.0, len(balls) - 1.0, _BETWEEN * (len(balls) - 1) + 1)
-    at, radii, breadth, depth = (np.interp(dense, np.arange(len(balls)), column) for column in numbers.T)
+    axis, broad, deep = limb_axes(start, end, across)
+    at, radii, breadth, depth = dense_balls(start, end, balls)
     low, high = (at - radii).min(), (at + radii).max()
     rings = low + 0.5 * (high - low) * (1.0 - np.cos(np.pi * np.arange(_RINGS + 2) / (_RINGS + 1)))
     radius = np.sqrt(np.maximum(radii**2 - (rings[1:-1, None] - at) ** 2, 0.0).max(axis=1)) * _CIRCUMSCRIBED
     angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
     circle = (radius * np.interp(rings[1:-1], at, breadth))[:, None, None] * np.cos(angle)[:, None] * broad
     sides = (radius * np.interp(rings[1:-1], at, depth))[:, None, None] * np.sin(angle)[:, None]
-    circle = circle + sides * np.cross(axis, broad)
+    circle = circle + sides * deep
     centres = start + rings[:, None] * axis
     return np.concatenate([centres[:1], (centres[1:-1, None] + circle).reshape(-1, 3), centres[-1:]]), _FACES
+
+
+def limb_axes(start: Array, end: Array, across: Array) -> Array:
+    """Unit vectors (3, 3) along a limb, where it is broad, and perpendicular to both."""
+    axis = (end - start) / np.linalg.norm(end - start)
+    if np.linalg.norm(np.cross(across, axis)) < _PARALLEL:
+        across = np.eye(3)[np.abs(axis).argmin()]
+    broad = across - (across @ axis) * axis
+    broad = broad / np.linalg.norm(broad)
+    return np.stack([axis, broad, np.cross(axis, broad)])
+
+
+def dense_balls(start: Array, end: Array, balls: Sequence[Ball]) -> Array:
+    """(4, N) where balls are from a limb's start [m], their radii [m], breadths and depths in radii.
+
+    Balls between two, with radii between theirs, have the cone that touches both as their hull.
+    """
+    length = float(np.linalg.norm(end - start))
+    numbers = np.array([(ball.along * length, ball.radius, ball.breadth, ball.depth) for ball in balls])
+    dense = np.linspace(0.0, len(balls) - 1.0, _BETWEEN * (len(balls) - 1) + 1)
+    return np.stack([np.interp(dense, np.arange(len(balls)), column) for column in numbers.T])
 
 
 def _ring_faces() -> Faces:
@@ -100,13 +113,20 @@ def capsule_surfaces(body: BodyModel) -> dict[str, Surface]:
 
     The file of equipment has joints but no form: tubes that are not there would pull at the legs.
     """
-    surfaces = {}
-    for segment in body.segments:
-        if segment not in body.equipment_segments:
-            limbs = _apart(_person_limbs(body, segment)) or _apart(_bone_limbs(body, segment))
-            if limbs:
-                surfaces[segment] = Surface(*join_meshes([limb_mesh(*limb) for limb in limbs]))
-    return surfaces
+    return {
+        segment: Surface(*join_meshes([limb_mesh(*limb) for limb in limbs]))
+        for segment, limbs in limbs_by_segment(body).items()
+    }
+
+
+def limbs_by_segment(body: BodyModel) -> dict[str, list[Limb]]:
+    """Segment -> its limbs, in its frame; those of equipment, and without any bone, have none."""
+    limbs = {
+        segment: _apart(_person_limbs(body, segment)) or _apart(_bone_limbs(body, segment))
+        for segment in body.segments
+        if segment not in body.equipment_segments
+    }
+    return {segment: parts for segment, parts in limbs.items() if parts}
 
 
 def _apart(limbs: list[Limb]) -> list[Limb]:
@@ -154,7 +174,7 @@ def _person_limbs(body: BodyModel, segment: str) -> list[Limb]:
         has_shin = ankle is not None and SegmentName(ankle.parent).kind == "shin"
         shin = np.linalg.norm(ankle.parent_T_joint[:3, 3]) if ankle and has_shin else person.BONES["shin"] * tall
         return _foot(float(shin), stature)
-    return _hand(stature) if name.kind == "hand" else []
+    return [hand_limb(stature)] if name.kind == "hand" else []
 
 
 def _pelvis(spine: Array, left: Array, right: Array, stature: float) -> list[Limb]:
@@ -210,11 +230,11 @@ def _foot(shin: float, stature: float) -> list[Limb]:
     return [(start, end, [Ball(0.0, heel, breadths[0]), Ball(1.0, toe, breadths[1])], _Y)]
 
 
-def _hand(stature: float) -> list[Limb]:
-    """Stretched; its palm faces the body in the N-pose."""
+def hand_limb(stature: float) -> Limb:
+    """A stretched hand of somebody of a stature [m], from the wrist on; its palm faces the body in the N-pose."""
     radius, broad = person.WRIST * stature, 0.5 * person.HAND_BREADTH / person.WRIST
     tip = (0.5 * radius - person.HAND_LENGTH * stature) * _Z
-    return [(np.zeros(3), tip, [Ball(0.0, radius, broad), Ball(1.0, 0.5 * radius, broad)], _X)]
+    return np.zeros(3), tip, [Ball(0.0, radius, broad), Ball(1.0, 0.5 * radius, broad)], _X
 
 
 def _flat(along: float, breadth: float, depth: float) -> Ball:

@@ -6,20 +6,17 @@ no samples, and readers interpolate.
 
 import json
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.skin import MOST_BONES
 from bodycam_ros.errors import BodyError
 from bodycam_ros.files.distinct_names import distinct_names
 from bodycam_ros.formats.figure import Figure
-from bodycam_ros.formats.glb import make_skin
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
+from bodycam_ros.formats.skinned_figure import SkinnedFigure
 from bodycam_ros.geometry import Array, quaternion_xyzw, rigid
-
-if TYPE_CHECKING:
-    from trimesh import Trimesh
 
 MARK = "#usda 1.0"
 
@@ -33,14 +30,14 @@ def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     Raises:
         BodyError: two bones would have the same name.
     """
-    figure = Figure.from_motion(motion, options, _UP)
+    skinned = SkinnedFigure.from_motion(motion, options, _UP)
+    figure = skinned.figure
     if len(set(_paths(figure))) < len(figure.names):
         raise BodyError(f"{motion.name}: two bones would have the same name, which in USD has letters and digits alone")
-    skin = make_skin(figure, motion.body)
     last = len(motion.stamps_ns) - 1
     parts = [_skeleton(figure), _animation(figure, np.flatnonzero(motion.known))]
-    if skin is not None:
-        parts.append(_mesh(*skin))
+    if len(skinned.vertices):
+        parts.append(_mesh(skinned))
     name = _identifier(motion.body.name)
     return f"""{MARK}
 (
@@ -95,11 +92,11 @@ def _animation(figure: Figure, frames: NDArray[np.intp]) -> str:
 """
 
 
-def _mesh(skin: "Trimesh", rows: NDArray[np.intp]) -> str:
-    counts = ", ".join(["3"] * len(skin.faces))
-    corners = ", ".join(map(str, skin.faces.ravel().tolist()))
-    bones = ", ".join(map(str, rows.tolist()))
-    weights = ", ".join(["1"] * len(rows))
+def _mesh(skin: SkinnedFigure) -> str:
+    counts = ", ".join(["3"] * len(skin.triangles))
+    corners = ", ".join(map(str, skin.triangles.ravel().tolist()))
+    bones = ", ".join(map(str, skin.joints.ravel().tolist()))
+    weights = ", ".join(f"{weight:.6g}" for weight in skin.weights.ravel().tolist())
     low, high = (_tuple(end.tolist()) for end in (skin.vertices.min(axis=0), skin.vertices.max(axis=0)))
     return f"""    def Mesh "skin" (
         prepend apiSchemas = ["SkelBindingAPI"]
@@ -108,18 +105,18 @@ def _mesh(skin: "Trimesh", rows: NDArray[np.intp]) -> str:
         float3[] extent = [{low}, {high}]
         int[] faceVertexCounts = [{counts}]
         int[] faceVertexIndices = [{corners}]
-        normal3f[] normals = [{_tuples(skin.vertex_normals)}] (
+        normal3f[] normals = [{_tuples(skin.normals)}] (
             interpolation = "vertex"
         )
         point3f[] points = [{_tuples(skin.vertices)}]
         color3f[] primvars:displayColor = [{_SKIN_COLOUR}]
         matrix4d primvars:skel:geomBindTransform = ( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )
         int[] primvars:skel:jointIndices = [{bones}] (
-            elementSize = 1
+            elementSize = {MOST_BONES}
             interpolation = "vertex"
         )
         float[] primvars:skel:jointWeights = [{weights}] (
-            elementSize = 1
+            elementSize = {MOST_BONES}
             interpolation = "vertex"
         )
         rel skel:skeleton = <../skeleton>

@@ -15,9 +15,12 @@ from helpers.known_walk import Walk, write_solved
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.skin import skinned_body
 from bodycam_ros.cli.main import main
-from bodycam_ros.formats.figure import BONE_NAMES, bone_names
+from bodycam_ros.formats.figure import BONE_NAMES, bone_names, rest_pose
 from bodycam_ros.formats.sampled_motion import UP_AXES
+from bodycam_ros.results.solved_body import read_solved_body
 
 PEOPLE = ("pelvis", "torso", "head", "upper_arm_left", "forearm_left", "thigh_right", "shin_right", "foot_right")
 
@@ -191,18 +194,24 @@ def test_gltf_moves_its_bones_and_its_skin(sample_exported: Exported) -> None:
     np.testing.assert_allclose(times, sample_exported.seconds, atol=1e-6)
     bind = accessor(read, read.skins[0].inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
     skin = read.meshes[0].primitives[0].attributes
-    vertices, bones = accessor(read, skin.POSITION), accessor(read, skin.JOINTS_0)[:, 0].astype(int)
+    vertices, bones = accessor(read, skin.POSITION), accessor(read, skin.JOINTS_0).astype(int)
+    weights = accessor(read, skin.WEIGHTS_0)
+    assert bones.shape == weights.shape == (len(vertices), 4)
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=0.0, atol=1e-6)
     assert vertices[:, 1].min() == pytest.approx(0.0, abs=1e-6)  # it stands on the ground
     assert 1.6 < np.ptp(vertices[:, 1]) < 1.9 and np.ptp(vertices[:, 0]) > 1.2  # arms out
+    solved = read_solved_body(sample_exported.out)
+    ours_skin = skinned_body(solved.body).rebound(rest_pose(solved.body, "T"))
     for frame in (0, 29, 59):
         poses = node_matrices(read, frame)
         for segment in PEOPLE:
             ours = UP_AXES["y"] @ sample_exported.places(segment)[frame]
             np.testing.assert_allclose(poses[segment][:3, 3], ours, rtol=0.0, atol=JOINT_M / 50.0)
         joints = np.stack([poses[read.nodes[node].name] for node in read.skins[0].joints])
-        moved = np.einsum("vij,vj->vi", (joints @ bind)[bones], np.column_stack([vertices, np.ones(len(vertices))]))
-        head = moved[bones == [read.nodes[node].name for node in read.skins[0].joints].index("head"), :3]
-        assert np.linalg.norm(head - UP_AXES["y"] @ sample_exported.places("head")[frame], axis=1).max() < 0.35
+        each = np.einsum("vbij,vj->vbi", (joints @ bind)[bones], np.column_stack([vertices, np.ones(len(vertices))]))
+        moved = np.einsum("vb,vbi->vi", weights, each)[:, :3]
+        posed = ours_skin.posed(solved.world_T_segment[frame]) @ UP_AXES["y"].T
+        np.testing.assert_allclose(moved, posed, rtol=0.0, atol=JOINT_M / 50.0)
         assert -0.05 < moved[:, 1].min() < 0.1  # feet near the floor of the world
 
 
@@ -278,3 +287,22 @@ def test_several_recordings_are_a_file_each(walked: Exported, walk: Walk, tmp_pa
     assert len(trc_markers(tmp_path / "all" / "second_out.trc")[1]) == 30
     assert main(arguments) == 1
     assert main([*arguments, "--force"]) == 0
+
+
+def test_a_scan_is_the_skin_of_a_glb(
+    sample_exported: Exported, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head = capsule_surfaces(read_solved_body(sample_exported.out).body)["head"]
+    trimesh.Trimesh(head.vertices * [1.0, 1.0, 1.5], head.faces, process=False).export(tmp_path / "head.obj")
+    own = pygltflib.GLTF2().load(str(sample_exported.file("glb", "--pose", "T", name="own")))
+    scanned = pygltflib.GLTF2().load(
+        str(sample_exported.file("glb", "--pose", "T", "--surface", str(tmp_path), name="scanned"))
+    )
+    tall = [accessor(read, read.meshes[0].primitives[0].attributes.POSITION)[:, 1].max() for read in (own, scanned)]
+    assert tall[1] - tall[0] == pytest.approx(0.5 * head.vertices[:, 2].max(), abs=0.01)
+    trimesh.Trimesh(head.vertices, head.faces[:-3], process=False).export(tmp_path / "head.obj")
+    output = sample_exported.folder / "open.glb"
+    command = ["export", str(sample_exported.out), "--to", "glb", "--surface", str(tmp_path), "-o", str(output)]
+    assert main(command) == 1
+    assert f"{tmp_path}: the surface of head is not closed" in " ".join(capsys.readouterr().err.split())
+    assert not output.exists()

@@ -1,4 +1,4 @@
-"""Run by Blender's Python: imports a BVH or a glTF, and says where the heads of its bones are.
+"""Run by Blender's Python: imports a BVH, a glTF or a USD, and says where the heads of its bones and its skin are.
 
 Usage: read_in_blender.py FILE OUT.json [PICTURE.png]
 """
@@ -9,6 +9,9 @@ from pathlib import Path
 
 import bpy
 
+EVERY = 50
+"""The places of every so-manieth vertex are told."""
+
 
 def heads(armature, first, count):
     """Bone -> frame -> (x, y, z), in Blender's world, whose z is up."""
@@ -18,6 +21,20 @@ def heads(armature, first, count):
         for bone in armature.pose.bones:
             found[bone.name].append(list(armature.matrix_world @ bone.head))
     return found
+
+
+def skin(first, count):
+    """Frame -> every so-manieth vertex of the only skin, in Blender's world."""
+    mesh = next(thing for thing in bpy.context.scene.objects if thing.type == "MESH" and thing.vertex_groups)
+    found = []
+    for frame in range(first, first + count):
+        bpy.context.scene.frame_set(frame)
+        posed = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        vertices = posed.data.vertices
+        found.append([list(posed.matrix_world @ vertices[row].co) for row in range(0, len(vertices), EVERY)])
+    weights = [sum(group.weight for group in vertex.groups) for vertex in mesh.data.vertices]
+    most = max(len(vertex.groups) for vertex in mesh.data.vertices)
+    return {"skin": found, "weights": [min(weights), max(weights)], "bones_of_a_vertex": most}
 
 
 def draw(armature, path):
@@ -45,6 +62,8 @@ def main(file, output, picture=None):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     if file.suffix == ".bvh":
         bpy.ops.import_anim.bvh(filepath=str(file), update_scene_fps=True, update_scene_duration=True)
+    elif file.suffix == ".usd":
+        bpy.ops.wm.usd_import(filepath=str(file))
     else:
         # Blender puts keys at times times its own rate; whole frames are compared.
         bpy.context.scene.render.fps = 30
@@ -61,6 +80,8 @@ def main(file, output, picture=None):
         "rest": {bone.name: list(armature.matrix_world @ bone.head_local) for bone in armature.data.bones},
         "vertices": sum(len(mesh.data.vertices) for mesh in meshes),
     }
+    if file.suffix != ".bvh":
+        said |= skin(first, last - first + 1)
     output.write_text(json.dumps(said))
     if picture is not None:
         scene.frame_set((first + last) // 2)

@@ -9,6 +9,9 @@ from pathlib import Path
 
 from pxr import Gf, Usd, UsdGeom, UsdSkel
 
+EVERY = 50
+"""The places of every so-manieth vertex are told."""
+
 
 def main(file, output):
     stage = Usd.Stage.Open(str(file))
@@ -29,7 +32,7 @@ def main(file, output):
             heads[name].append(list(pose.ExtractTranslation()))
         points = type(rest)(rest)
         assert skinning.ComputeSkinnedPoints(query.ComputeSkinningTransforms(frame), points, frame)
-        skins.append([list(Gf.Vec3d(*points[0])), list(Gf.Vec3d(*points[len(points) - 1]))])
+        skins.append([list(Gf.Vec3d(*points[row])) for row in range(0, len(points), EVERY)])
     said = {
         "heads": heads,
         "skins": skins,
@@ -37,6 +40,7 @@ def main(file, output):
         "up": str(UsdGeom.GetStageUpAxis(stage)),
         "metres": UsdGeom.GetStageMetersPerUnit(stage),
         "vertices": len(rest),
+        "bones_of_a_vertex": skinning.GetNumInfluencesPerComponent(),
     }
     output.write_text(json.dumps(said))
 
