@@ -7,9 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from bodycam_ros.recording.bag_file import is_bag
+from bodycam_ros.recording.bag_file import METADATA, is_bag
 
 _SERIAL = ("evaluate", "export")  # commands without --jobs
+_MAIN_FILES = {"map": "map.yaml", "ingest": METADATA, "replay": METADATA, "evaluate": "summary.json"}
 
 
 @dataclass(frozen=True)
@@ -146,6 +147,12 @@ class Step:
     def stage(self) -> str:
         """The command: "replay"."""
         return self.words[0]
+
+    @property
+    def main_file(self) -> Path:
+        """File of the output without which that is none: of a folder one in it, else the output itself."""
+        within = _MAIN_FILES.get(self.stage)
+        return self.output if within is None else self.output / within
 
     @property
     def is_parallel(self) -> bool:
