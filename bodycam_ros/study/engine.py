@@ -183,18 +183,26 @@ class Engine:
 @contextmanager
 def _ended(process: "subprocess.Popen[bytes]") -> Iterator[None]:
     """End Snakemake, if it runs: by SIGINT, so that it takes jobs from a queue; steps here by SIGTERM."""
+    from psutil import NoSuchProcess, Process, wait_procs
+
     try:
         yield
     finally:
+        ended: set[Process] = set()
+        deadline = time.monotonic() + _MAX_CLEANUP_S
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + _MAX_CLEANUP_S
-        for number in (signal.SIGTERM, signal.SIGKILL):
-            if process.poll() is None:
-                with suppress(ProcessLookupError):
-                    os.killpg(process.pid, number)
-                with suppress(subprocess.TimeoutExpired):
-                    process.wait(max(0.1, deadline - time.monotonic()))
+        while process.poll() is None and time.monotonic() < deadline:
+            with suppress(NoSuchProcess):
+                for step in set(Process(process.pid).children(recursive=True)) - ended:
+                    ended.add(step)
+                    step.terminate()
+            time.sleep(0.05)
+        _, alive = wait_procs(ended, max(0.1, deadline - time.monotonic()))
+        for left in alive:
+            left.kill()
+        process.kill()
+        process.wait()
 
 
 def find_profile(name: str) -> str:

@@ -22,7 +22,7 @@ from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 from snakemake_interface_logger_plugins.registry import LoggerPluginRegistry
 
-from bodycam_ros.study.study_lock import end_with_study
+from bodycam_ros.study.study_lock import VARIABLE, end_with_study
 
 LOGGER = "bodycam"
 _TOLD = {
@@ -58,9 +58,15 @@ _PIPE = int(sys.argv[1]) if __name__ == "__main__" else -1
 
 if __name__ == "__main__":
     os.set_inheritable(_PIPE, False)
+    lock = os.environ.get(VARIABLE)
     end_with_study(signal.SIGINT)  # it ends its jobs then, those in a queue as well
+    if lock and "--cores" in sys.argv:  # steps on this computer; those on others cannot see the lock
+        os.environ[VARIABLE] = lock
     plugin = ModuleType(LOGGER)
     plugin.LogHandler = LogHandler  # type: ignore[attr-defined]
     LoggerPluginRegistry().register_plugin(f"snakemake_logger_plugin_{LOGGER}", plugin)
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    main(["--logger", LOGGER, *sys.argv[2:]])
+    try:
+        main(["--logger", LOGGER, *sys.argv[2:]])
+    except KeyboardInterrupt:  # it came outside of Snakemake's own handling; who asked ends the steps
+        sys.exit(128 + signal.SIGINT)
