@@ -110,7 +110,7 @@ class Engine:
                 seconds = self._graph.seconds(step)
                 yield StepEnd(step, time.monotonic() - started[step] if seconds is None else seconds, None)
             if kind == "job_error" and (step := rules.get(event["jobid"])):
-                failed[step] = self._graph.failure(step)
+                failed[step] = self._graph.failure(step, _told(event))
                 yield StepEnd(step, time.monotonic() - started[step], failed[step])
         yield from self._not_run(open_steps, failed)
 
@@ -178,6 +178,12 @@ class Engine:
     @property
     def _log(self) -> Path:
         return self._graph.folder / "logs" / "engine.log"
+
+
+def _told(error: dict[str, Any]) -> str:
+    """What a cluster says about a job that failed, and where it says more; nothing of one on this machine."""
+    first, _, _ = (error["rule_msg"] or "").partition(". ")
+    return f"{first}; what the cluster printed is in {error['log'][-1]}" if first and error["log"] else first
 
 
 @contextmanager

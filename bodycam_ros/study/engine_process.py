@@ -28,7 +28,7 @@ LOGGER = "bodycam"
 _TOLD = {
     LogEvent.JOB_INFO: ("jobid", "rule_name"),
     LogEvent.JOB_FINISHED: ("job_id",),
-    LogEvent.JOB_ERROR: ("jobid",),
+    LogEvent.JOB_ERROR: ("jobid", "rule_msg", "log"),
 }
 
 

@@ -107,19 +107,17 @@ class StepGraph:
         except OSError:
             return False
 
-    def failure(self, step: Step) -> str:
-        """Why a step failed, by what it printed."""
+    def failure(self, step: Step, told: str) -> str:
+        """Why a step failed: its own error, else what the engine tells, else the last line that it printed."""
         if not self.is_logged:
             return "failed, as it printed above"
-        try:
-            with self._log(step).open("rb") as file:
-                file.seek(max(0, file.seek(0, os.SEEK_END) - _MAX_LOG_TAIL))
-                text = file.read().decode("utf-8", "replace")
-        except OSError:
-            return "ended before it printed anything"
+        text = ""
+        with suppress(OSError), self._log(step).open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - _MAX_LOG_TAIL))
+            text = file.read().decode("utf-8", "replace")
         _, error, message = text.rpartition(_ERROR)
         lines = [line.strip() for line in (message if error else text).splitlines() if line.strip()]
-        return " ".join(lines) if error else (lines or ["ended before it printed anything"])[-1]
+        return " ".join(lines) if error else told or (lines or ["it printed nothing"])[-1]
 
     def _graph_step(self, step: Step, needs: StepNeeds) -> GraphStep:
         inputs: list[str] = []

@@ -18,6 +18,7 @@ from bodycam_ros.study.study import Step
 _IMAGE_BYTES = 10_000  # of a file that does not count its images: JPEG at 640 x 480 takes 13 kB, H.264 less or more
 _MARGIN = 4.0  # a slow computer, large images, and what recordings differ by
 _START_MINUTES = 10.0
+_ENGINE_MB = 300.0  # Snakemake starts each step on a cluster's computer, and counts as a part of it
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class StepNeeds:
         """What one step is given."""
         cost, images = _COSTS[step.stage], self._images(step)
         threads = self._processes if step.is_parallel or self._alone else 1
-        memory_mb = cost.memory_mb + cost.process_mb * (threads - 1) + cost.image_mb * images
+        memory_mb = _ENGINE_MB + cost.memory_mb + cost.process_mb * (threads - 1) + cost.image_mb * images
         minutes = _START_MINUTES + _MARGIN * cost.image_s * images / threads / 60.0
         return StepNeed(threads, math.ceil(memory_mb), math.ceil(minutes))
 
