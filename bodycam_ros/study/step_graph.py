@@ -26,6 +26,7 @@ from bodycam_ros.study.study import Step
 
 NOTES = "steps"
 _NOT_PLAIN = re.compile(r"\W+")
+_NO_BRACES = str.maketrans("{}", "()")
 _ERROR = "bodycam: error: "
 _MAX_LOG_TAIL = 20_000  # [bytes]
 
@@ -126,15 +127,19 @@ class StepGraph:
                 inputs += [self._relative(self._note(maker, "receipt")), self._relative(maker.main_file)]
             else:
                 inputs += map(self._relative, _files_of(path))
+        # To the engine braces are a pattern: such files count as a part of the state.
+        braced = [path for path in inputs if "{" in path or "}" in path]
+        state = [__version__, *(part for part in step.parts if isinstance(part, str))]
+        state += [f"{path} {_time_of(self.folder / path)}" for path in braced]
         need = needs.of(step)
         return GraphStep(
             rule=self._rules[step.name],
-            inputs=inputs,
+            inputs=[path for path in inputs if path not in braced],
             main_file=self._relative(step.main_file),
             receipt=self._relative(self._note(step, "receipt")),
             benchmark=self._relative(self._note(step, "tsv")),
             logs=[self._relative(self._log(step))] if self.is_logged else [],
-            state=" ".join([__version__, *(part for part in step.parts if isinstance(part, str))]),
+            state=" ".join(state).translate(_NO_BRACES),
             threads=need.threads,
             memory_mb=need.memory_mb,
             minutes=need.minutes,
@@ -190,3 +195,10 @@ def _files_of(path: Path) -> Iterable[Path]:
     if not path.is_dir():
         return [path]
     return sorted(Path(root, name) for root, _, names in os.walk(path, followlinks=True) for name in names)
+
+
+def _time_of(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except OSError:
+        return 0

@@ -27,9 +27,9 @@ for step in GRAPH:
         input:
             inputs_of(step),
         output:
-            receipt=step["receipt"].replace("{", "{{").replace("}", "}}"),
+            receipt=step["receipt"],
             # Not removed before the step: what fails leaves the earlier result.
-            made=update(step["main_file"].replace("{", "{{").replace("}", "}}")),
+            made=update(step["main_file"]),
         log:
             step["logs"],
         benchmark:

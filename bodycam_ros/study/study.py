@@ -10,6 +10,7 @@ import msgspec
 from bodycam_ros.recording.bag_file import METADATA, is_bag
 
 _SERIAL = ("evaluate", "export")  # commands without --jobs
+_PLAIN = str.maketrans("{}", "__")  # to the engine, braces in the name of an output are a pattern
 _MAIN_FILES = {"map": "map.yaml", "ingest": METADATA, "replay": METADATA, "evaluate": "summary.json"}
 
 
@@ -32,6 +33,7 @@ def find_source(path: Path) -> Source | None:
     if not path.exists() or path.name.startswith("."):
         return None
     name = path.stem if path.is_file() else path.name
+    name = name.translate(_PLAIN)
     return Source(name, path, is_bag(path)) if is_bag(path) or path.is_dir() else None
 
 

@@ -94,6 +94,11 @@ def test_what_is_possible_is_done_and_what_is_missing_is_named(
     assert len(missing) == len(lacks) and all(text.startswith(name) for text, name in zip(missing, lacks, strict=True))
 
 
+def test_a_take_with_braces_in_its_name_is_solved(tmp_path: Path) -> None:
+    study = folder_with(tmp_path, "map/map.yaml", "body.yaml", "takes/walk {1}/metadata.yaml")
+    assert [recording.name for recording in study.recordings] == ["walk _1_"]
+
+
 def test_other_folders_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(RecordingError) as refused:
