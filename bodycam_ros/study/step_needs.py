@@ -16,6 +16,7 @@ from bodycam_ros.recording.bag_file import METADATA
 from bodycam_ros.study.study import Step
 
 _IMAGE_BYTES = 10_000  # of a file that does not count its images: JPEG at 640 x 480 takes 13 kB, H.264 less or more
+_PHOTOGRAPH_BYTES = 1_000_000  # what a map is made of: a larger one counts as several
 _MARGIN = 4.0  # a slow computer, large images, and what recordings differ by
 _START_MINUTES = 10.0
 _ENGINE_MB = 300.0  # Snakemake starts each step on a cluster's computer, and counts as a part of it
@@ -89,11 +90,17 @@ class StepNeeds:
         path = step.inputs[0]
         while (maker := self._makers.get(path)) is not None:
             path = maker.inputs[0]
-        return count_images(path)
+        return count_photographs(path) if step.stage == "map" else count_images(path)
+
+
+def count_photographs(path: Path) -> int:
+    """Photographs of a folder, large ones as several; of a video as many as its size stands for."""
+    sizes = _sizes(path)
+    return max(len(sizes), sum(sizes) // _PHOTOGRAPH_BYTES)
 
 
 def count_images(path: Path) -> int:
-    """Images of a recording by its bag's count, else by the size of its files; files of a folder of photographs."""
+    """Images of a recording by its bag's count, else by the size of its files."""
     with suppress(RecordingError, KeyError, TypeError, ValueError):
         if (path / METADATA).is_file():
             bag = read_yaml(path / METADATA, "bag's metadata", RecordingError)
@@ -101,5 +108,10 @@ def count_images(path: Path) -> int:
             return sum(
                 int(each["message_count"]) for each in topics if each["topic_metadata"]["type"].endswith("Image")
             )
-    sizes = [Path(root, name).stat().st_size for root, _, names in os.walk(path) for name in names]
-    return sum(sizes or [path.stat().st_size]) // _IMAGE_BYTES
+    return sum(_sizes(path)) // _IMAGE_BYTES
+
+
+def _sizes(path: Path) -> list[int]:
+    """Sizes of a file, or of all files in a folder [bytes]."""
+    files = [Path(root, name) for root, _, names in os.walk(path) for name in names]
+    return [file.stat().st_size for file in files or [path]]

@@ -13,7 +13,7 @@ from bodycam_ros.errors import StudyError
 from bodycam_ros.study import engine as engine_module
 from bodycam_ros.study.engine import Engine, StepEnd, find_profile
 from bodycam_ros.study.step_graph import StepGraph
-from bodycam_ros.study.step_needs import StepNeeds, count_images
+from bodycam_ros.study.step_needs import StepNeeds, count_images, count_photographs
 from bodycam_ros.study.study import Step
 from bodycam_ros.study.study_lock import study_lock
 
@@ -145,7 +145,7 @@ def test_without_snakemake_it_is_named(folder: Path, monkeypatch: pytest.MonkeyP
 
 def test_needs_follow_from_the_images_of_what_a_step_was_made_of(sample: Path, tmp_path: Path) -> None:
     bag = sample / "sample" / "bag"
-    assert count_images(bag) == 16 * 60
+    assert count_images(bag) == 16 * 60 and count_photographs(sample / "reference") == 14
     videos, made = tmp_path / "videos", tmp_path / "bag"
     videos.mkdir()
     (videos / "head.mp4").touch()
