@@ -91,9 +91,10 @@ class Engine:
         Raises:
             StudyError: Snakemake cannot run, as with a profile that asks for what the cluster does not have.
         """
-        (self._graph.folder / NOTES).mkdir(exist_ok=True)
-        graph = self._graph.folder / NOTES / "graph.json"
-        self._graph.write(graph, self._needs)
+        graph = Path(NOTES, "graph.json")
+        with failure_named(self._graph.folder / NOTES):
+            (self._graph.folder / NOTES).mkdir(exist_ok=True)
+        self._graph.write(self._graph.folder / graph, self._needs)
         self._graph.write_scripts()
         rules: dict[int, Step] = {}
         started: dict[Step, float] = {}
@@ -107,6 +108,7 @@ class Engine:
                 yield step
             if kind == "job_finished" and (step := rules.get(event["job_id"])):
                 open_steps.pop(step, None)
+                failed.pop(step, None)  # it was tried again
                 seconds = self._graph.seconds(step)
                 yield StepEnd(step, time.monotonic() - started[step] if seconds is None else seconds, None)
             if kind == "job_error" and (step := rules.get(event["jobid"])):
@@ -123,7 +125,13 @@ class Engine:
                 yield StepEnd(step, 0.0, f"not run, because step '{cause.name}' failed")
 
     def _events(self, graph: Path, more: Sequence[str], lock: Path | None) -> Iterator[dict[str, Any]]:
-        """Run Snakemake, and give what it tells; an interruption ends it and all that it has started."""
+        """Run Snakemake, and give what it tells; an interruption ends it and all that it has started.
+
+        Args:
+            graph: from the folder of results on.
+            more: further arguments.
+            lock: of the folder of results; None to plan.
+        """
         if find_spec("snakemake") is None:
             raise StudyError(f"'bodycam run' and 'bodycam study' need Snakemake, which is not installed: {INSTALL}")
         reading, writing = os.pipe()
@@ -163,7 +171,7 @@ class Engine:
 
     @contextmanager
     def _output(self, lock: Path | None) -> Iterator[IO[bytes] | int | None]:
-        """Where to Snakemake prints: nowhere while it plans, else to a file, or to the terminal as the steps do."""
+        """Where Snakemake prints to: nowhere while it plans, else to a file, or to the terminal as the steps do."""
         if lock is None:
             yield subprocess.DEVNULL
         elif not self._graph.is_logged:

@@ -61,6 +61,9 @@ class GraphStep(msgspec.Struct, frozen=True):
 class StepGraph:
     """The steps of a study in its folder of results.
 
+    Attributes:
+        by_rule: name for the engine -> step.
+
     Args:
         steps: each after the steps whose outputs it reads.
         folder: of the results, links followed.
@@ -71,19 +74,21 @@ class StepGraph:
         self.steps = tuple(steps)
         self.folder = folder
         self.is_logged = is_logged
-        self._rules = {step.name: f"{_plain(step.name)}_{number}" for number, step in enumerate(self.steps)}
-        self.by_rule = {rule: step for step in self.steps for rule in [self._rules[step.name]]}
+        self._rules = {
+            step.name: f"{_NOT_PLAIN.sub('_', step.name)}_{number}" for number, step in enumerate(self.steps)
+        }
+        self.by_rule = {self._rules[step.name]: step for step in self.steps}
         self._makers = {step.output: step for step in self.steps}
 
     def write(self, path: Path, needs: StepNeeds) -> None:
         """Write all steps as JSON."""
         graph = [self._graph_step(step, needs) for step in self.steps]
-        path.write_bytes(msgspec.json.format(msgspec.json.encode(graph)))
+        write_whole(path, msgspec.json.format(msgspec.json.encode(graph)))
 
     def write_scripts(self) -> None:
         """Write what runs each step."""
         for step in self.steps:
-            write_whole(self.folder / NOTES / f"{self._rules[step.name]}.sh", self._script(step))
+            (self.folder / NOTES / f"{self._rules[step.name]}.sh").write_text(self._script(step))
 
     def exit_code(self, step: Step) -> int:
         """Exit code of a step that is done: 0, or 3 for a result that should not be used."""
@@ -184,10 +189,6 @@ echo "$code $(date +%s%N)" >{quoted(self._note(step, "receipt"))}
 
     def _relative(self, path: Path) -> str:
         return os.path.relpath(os.path.abspath(path), self.folder)
-
-
-def _plain(name: str) -> str:
-    return _NOT_PLAIN.sub("_", name)
 
 
 def _files_of(path: Path) -> Iterable[Path]:

@@ -67,6 +67,7 @@ def test_a_step_is_done_until_something_changes(folder: Path) -> None:
     assert engine_of(steps, folder).steps_to_run() == steps
 
 
+@pytest.mark.long
 def test_another_flag_or_a_missing_output_are_reasons_to_run(folder: Path) -> None:
     steps = steps_of(folder)
     run(steps, folder)
@@ -77,6 +78,7 @@ def test_another_flag_or_a_missing_output_are_reasons_to_run(folder: Path) -> No
     assert [step.name for step in engine_of(steps_of(moved), moved).steps_to_run()] == [steps[1].name]
 
 
+@pytest.mark.long
 def test_an_input_with_braces_in_its_path_counts_as_any(folder: Path) -> None:
     body = folder.parent / "{in}.yaml"
     shutil.copy(folder.parent / "body.yaml", body)
@@ -100,6 +102,7 @@ def test_what_was_changed_by_hand_is_never_replaced(folder: Path) -> None:
         engine_of(steps, folder).steps_to_run()
 
 
+@pytest.mark.long
 def test_what_fails_leaves_the_earlier_result_and_is_tried_again(folder: Path) -> None:
     steps = steps_of(folder)
     run(steps, folder)
