@@ -3,7 +3,7 @@
 #   make test      the tests that protect, the live graph on ROS 2's wheels included: some minutes
 #   make test-all  those and the long ones: fault campaign, browser, shared recordings, studies, more of the live graph
 #   make test-ros  the launch file under the real ros2 launch, in a workspace built by colcon: 5 minutes
-#   make test-slurm  studies on a real Slurm of one node, which make test-all includes where Slurm is installed: 5 minutes
+#   make test-slurm  studies on a real Slurm of one node, which make test-all includes where Slurm is installed: 10 minutes
 #   make readers   exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults    everything that a user can give is damaged; what comes of it is counted
 #   make lint      ruff, mypy, and hadolint for the Dockerfile
