@@ -3,6 +3,7 @@
 #   make test      the tests that protect, the live graph on ROS 2's wheels included: some minutes
 #   make test-all  those and the long ones: fault campaign, browser, shared recordings, studies, more of the live graph
 #   make test-ros  the launch file under the real ros2 launch, in a workspace built by colcon: 5 minutes
+#   make test-slurm  studies on a real Slurm of one node, which make test-all includes where Slurm is installed: 10 minutes
 #   make readers   exports opened in Blender, OpenSim and USD, which make test leaves out: 1.5 GB to install
 #   make faults    everything that a user can give is damaged; what comes of it is counted
 #   make lint      ruff, mypy, and hadolint for the Dockerfile
@@ -36,7 +37,7 @@ export PYTHONNOUSERSITE := 1
 export UV_SYSTEM_CERTS ?= 1
 PIP_CERT ?= $(firstword $(REQUESTS_CA_BUNDLE) $(SSL_CERT_FILE) $(wildcard /etc/ssl/certs/ca-certificates.crt))
 
-.PHONY: help demo test test-all test-ros figures readers faults lint kernels docs bench latency endure clean
+.PHONY: help demo test test-all test-ros test-slurm figures readers faults lint kernels docs bench latency endure clean
 .DELETE_ON_ERROR:
 
 help:
@@ -64,6 +65,10 @@ test-all: $(VENV)/ros.stamp
 # Needs ROS 2 Jazzy, or ../shared/ros/real_ros2.sh, which makes .venv-ros.
 test-ros:
 	bash test_ros/run.sh
+
+# Skips, with the reason, where Slurm is not installed: sudo apt install slurm-wlm munge
+test-slurm: $(VENV)/ros.stamp
+	$(BIN)/python -m pytest -rs test/study/test_slurm.py
 
 readers: $(VENV)/ros.stamp $(READERS)/blender.stamp $(READERS)/readers.stamp
 	$(BIN)/python -m pytest test/formats/test_readers.py
@@ -111,7 +116,7 @@ $(VENV)/python.stamp:
 $(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py $(KERNELS)
 	@command -v cc >/dev/null && $(BIN)/python -c 'import os, sysconfig; os.stat(sysconfig.get_path("include") + "/Python.h")' 2>/dev/null || \
 		{ echo "compiling the kernels needs a C compiler and Python's headers: sudo apt install build-essential python3-dev" >&2; exit 1; }
-	$(SYNC) --reinstall-package bodycam_ros
+	$(SYNC) --extra study --reinstall-package bodycam_ros
 	$(BIN)/python -m compileall -q bodycam_ros
 	@touch $@
 

@@ -22,6 +22,7 @@ USED_BY_OTHERS = {
     "daqp": "the solver that pin-pink is given by name",
     "fast-simplification": "trimesh decimates scans with it",
     "networkx": "trimesh turns the faces of scans outward with it",
+    "snakemake-executor-plugin-slurm": "Snakemake submits to Slurm with it",
 }
 """Dependencies that no file imports, and why."""
 

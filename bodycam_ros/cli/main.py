@@ -14,7 +14,7 @@ from bodycam_ros.cli.signals import EndingSignals
 from bodycam_ros.cli.standard_streams import discard_output, secure_streams
 from bodycam_ros.files.bounded_inputs import bound_inputs
 from bodycam_ros.files.shown import printable, shortened
-from bodycam_ros.study.parent_pipe import end_with_parent
+from bodycam_ros.study.study_lock import end_with_study
 
 GROUPS = {
     "capture": {
@@ -62,7 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         secure_streams()
-        end_with_parent()
+        end_with_study()
     with EndingSignals() as signals:
         code = _run(sys.argv[1:] if argv is None else argv, signals)
         if argv is None and code >= _SIGNALLED:

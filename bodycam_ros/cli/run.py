@@ -34,13 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
     study = read_recording_folder(arguments.folder)
-    solved = solve_study(study, arguments.folder / SOLVED, arguments, logs=None)
+    solved = solve_study(study, arguments.folder / SOLVED, arguments, is_logged=False)
     terminal, missing = Terminal(), list_missing(study)
     for lack in missing:
         terminal.print(f"missing in {arguments.folder}: {lack}", style="red")
     if missing or solved.failures:
         return 1
-    for step in solved.steps if not arguments.dry_run else ():
+    for step in solved.graph.steps if not arguments.dry_run else ():
         if step.stage == "evaluate":
             terminal.print(f"{step.name.partition(':')[0]}: {step.output / 'summary.png'}")
     return 0 if arguments.dry_run else solved.exit_code

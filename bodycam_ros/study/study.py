@@ -7,9 +7,11 @@ from pathlib import Path
 
 import msgspec
 
-from bodycam_ros.recording.bag_file import is_bag
+from bodycam_ros.recording.bag_file import METADATA, is_bag
 
 _SERIAL = ("evaluate", "export")  # commands without --jobs
+_PLAIN = str.maketrans("{}", "__")  # to the engine, braces in the name of an output are a pattern
+_MAIN_FILES = {"map": "map.yaml", "ingest": METADATA, "replay": METADATA, "evaluate": "summary.json"}
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,7 @@ def find_source(path: Path) -> Source | None:
     if not path.exists() or path.name.startswith("."):
         return None
     name = path.stem if path.is_file() else path.name
+    name = name.translate(_PLAIN)
     return Source(name, path, is_bag(path)) if is_bag(path) or path.is_dir() else None
 
 
@@ -148,6 +151,12 @@ class Step:
     def stage(self) -> str:
         """The command: "replay"."""
         return self.words[0]
+
+    @property
+    def main_file(self) -> Path:
+        """File of the output without which that is none: of a folder one in it, else the output itself."""
+        within = _MAIN_FILES.get(self.stage)
+        return self.output if within is None else self.output / within
 
     @property
     def is_parallel(self) -> bool:

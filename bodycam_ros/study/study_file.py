@@ -16,8 +16,8 @@ from bodycam_ros.errors import BodyError, OutputError, RecordingError, StudyErro
 from bodycam_ros.files.output_place import check_output
 from bodycam_ros.files.shown import other_than
 from bodycam_ros.files.yaml_file import read_yaml
-from bodycam_ros.study.step_runner import LOCK
 from bodycam_ros.study.study import Entry, Place, Recording, Source, Study, Subject, find_source
+from bodycam_ros.study.study_lock import LOCK
 
 _Name = Annotated[str, msgspec.Meta(pattern=r"^[\w-][\w.-]{0,99}$")]
 """A folder's name on every system, which needs no quotes in a shell."""

@@ -12,9 +12,9 @@ from typing import Any
 
 from bodycam_ros.evaluate.sections import Columns, Link, Section, column_table, find_figure, render_page
 from bodycam_ros.files.whole_file import whole_files
-from bodycam_ros.study.done_steps import DoneSteps
-from bodycam_ros.study.step_runner import StepEnd
-from bodycam_ros.study.study import Recording, Step, Study
+from bodycam_ros.study.engine import StepEnd
+from bodycam_ros.study.step_graph import StepGraph
+from bodycam_ros.study.study import Recording, Study
 
 PAGE, CSV = "study.html", "study.csv"
 _FIGURES, _REPORT = "summary.json", "report.html"  # of an evaluation, whose modules take a second to load
@@ -45,9 +45,7 @@ class RecordingResult:
         return str(self.figures.get("verdict", {}).get("level", "unreadable"))
 
 
-def read_results(
-    study: Study, steps: Sequence[Step], notes: DoneSteps, failures: Mapping[str, StepEnd]
-) -> list[RecordingResult]:
+def read_results(study: Study, graph: StepGraph, failures: Mapping[str, StepEnd]) -> list[RecordingResult]:
     """The results of all recordings.
 
     Args:
@@ -55,7 +53,7 @@ def read_results(
     """
     results = []
     for recording in study.recordings:
-        own = [step for step in steps if step.recording == recording.name]
+        own = [step for step in graph.steps if step.recording == recording.name]
         report = next(step.output for step in own if step.stage == "evaluate")
         failure = next((failures[step.name] for step in own if step.name in failures), None)
         figures: dict[str, Any] = {}
@@ -65,7 +63,7 @@ def read_results(
             cameras = figures.get("cameras", {}).values()
             if images := sum(camera["images"] for camera in cameras):
                 figures["registered"] = sum(camera["images"] * camera["registered"] for camera in cameras) / images
-            figures["took_s"] = sum(notes.seconds(step) or 0.0 for step in own)
+            figures["took_s"] = sum(graph.seconds(step) or 0.0 for step in own)
         results.append(RecordingResult(recording, figures, report, failure))
     return results
 

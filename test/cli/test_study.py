@@ -17,7 +17,7 @@ from helpers.altered_sample import write_altered_sample
 
 import bodycam_ros
 from bodycam_ros.cli.main import main
-from bodycam_ros.study.step_runner import study_lock
+from bodycam_ros.study.study_lock import study_lock
 
 pytestmark = pytest.mark.long
 
@@ -116,7 +116,7 @@ def test_only_what_changed_is_done_again(
     report.rename(study.parent / "aside")
     assert plan(study, capfd) == ["walk: evaluate"]
     (study.parent / "aside").rename(report)
-    monkeypatch.setattr("bodycam_ros.study.done_steps.__version__", "0.0.0")
+    monkeypatch.setattr("bodycam_ros.study.step_graph.__version__", "0.0.0")
     assert plan(study, capfd) == ALL
 
 

@@ -7,9 +7,9 @@ import pytest
 from helpers.naming import naming
 
 from bodycam_ros.errors import StudyError
-from bodycam_ros.study.step_runner import LOCK
 from bodycam_ros.study.study import Study
 from bodycam_ros.study.study_file import read_study
+from bodycam_ros.study.study_lock import LOCK
 
 DOCS = Path(__file__).parents[2] / "docs" / "study.md"
 

@@ -1,14 +1,12 @@
 """The steps of a folder and of a study: the same commands, each understood, its inputs there or made before."""
 
-import os
 from pathlib import Path
 
 import pytest
 from helpers.naming import naming
 
 from bodycam_ros.cli.main import make_parser
-from bodycam_ros.errors import OutputError, RecordingError, StudyError
-from bodycam_ros.study.done_steps import DoneSteps, fingerprint, state_of
+from bodycam_ros.errors import OutputError, RecordingError
 from bodycam_ros.study.study import Step, Study, study_steps
 from bodycam_ros.study.study_file import LAYOUT, check_results_folder, list_missing, read_recording_folder, read_study
 
@@ -96,6 +94,11 @@ def test_what_is_possible_is_done_and_what_is_missing_is_named(
     assert len(missing) == len(lacks) and all(text.startswith(name) for text, name in zip(missing, lacks, strict=True))
 
 
+def test_a_take_with_braces_in_its_name_is_solved(tmp_path: Path) -> None:
+    study = folder_with(tmp_path, "map/map.yaml", "body.yaml", "takes/walk {1}/metadata.yaml")
+    assert [recording.name for recording in study.recordings] == ["walk _1_"]
+
+
 def test_other_folders_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path, tmp_path / "nowhere"):
         with pytest.raises(RecordingError) as refused:
@@ -115,70 +118,3 @@ def test_results_go_to_a_folder_of_their_own(tmp_path: Path) -> None:
     (tmp_path / "other" / "letter.txt").touch()
     with naming(OutputError, tmp_path / "other"):
         check_results_folder(tmp_path / "other", study)
-
-
-@pytest.fixture
-def step(tmp_path: Path) -> Step:
-    (tmp_path / "bag").mkdir()
-    (tmp_path / "bag" / "images.mcap").write_text("images")
-    (tmp_path / "body.yaml").write_text("body")
-    (tmp_path / "out").write_text("out")
-    inputs = (tmp_path / "bag", tmp_path / "body.yaml")
-    return Step("walk: replay", ("replay", *inputs, "--passes", "1"), tmp_path / "out")
-
-
-@pytest.fixture
-def done(tmp_path: Path, step: Step) -> DoneSteps:
-    notes = DoneSteps(tmp_path / "steps")
-    assert notes.steps_to_run([step]) == [step]
-    notes.write(step, state_of(step), 3, 1.5)
-    assert (notes.exit_code(step), notes.seconds(step)) == (3, 1.5)
-    return notes
-
-
-def test_a_step_is_done_until_something_changes(done: DoneSteps, step: Step, tmp_path: Path) -> None:
-    after = Step("walk: evaluate", ("evaluate", step.output), tmp_path / "report")
-    after.output.write_text("report")
-    done.write(after, state_of(after), 0, 1.0)
-    assert done.steps_to_run([step, after]) == []
-    step.inputs[1].write_text("another body")
-    assert done.steps_to_run([step, after]) == [step, after]
-
-
-def test_another_flag_a_missing_output_or_a_damaged_note_are_reasons_to_run(
-    done: DoneSteps, step: Step, tmp_path: Path
-) -> None:
-    other = Step(step.name, (*step.parts[:-1], "3"), step.output)
-    assert done.steps_to_run([other]) == [other]
-    text = step.output.read_text()
-    step.output.unlink()
-    assert done.steps_to_run([step]) == [step]
-    step.output.write_text(text)
-    (note,) = (tmp_path / "steps").iterdir()
-    note.write_text("{")
-    assert done.steps_to_run([step]) == [step]
-
-
-def test_what_was_changed_by_hand_is_never_replaced(done: DoneSteps, step: Step) -> None:
-    step.output.write_text("corrected")
-    assert done.steps_to_run([step]) == []  # only what reads it must run again
-    step.inputs[1].write_text("another body")
-    with naming(StudyError, step.output):
-        done.steps_to_run([step])
-
-
-def test_a_fingerprint_covers_contents_names_and_times_of_large_files(tmp_path: Path) -> None:
-    folder = tmp_path / "folder"
-    folder.mkdir()
-    (folder / "a").write_text("1")
-    first = fingerprint(folder)
-    os.utime(folder / "a", ns=(0, 0))
-    assert fingerprint(folder) == first
-    (folder / "a").rename(folder / "b")
-    assert fingerprint(folder) != first
-    large = tmp_path / "large"
-    large.write_bytes(bytes(5_000_000))
-    before = fingerprint(large)
-    os.utime(large, ns=(0, 0))
-    assert fingerprint(large) != before
-    assert fingerprint(tmp_path / "nowhere") == fingerprint(tmp_path / "neither")

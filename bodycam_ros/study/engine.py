@@ -1,0 +1,237 @@
+"""Runs the steps of a study by Snakemake, here or on a cluster; a failed step stops only those that depend on it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import IO, Any
+
+from bodycam_ros.errors import StudyError
+from bodycam_ros.files.whole_file import failure_named
+from bodycam_ros.study.step_graph import NOTES, StepGraph
+from bodycam_ros.study.step_needs import StepNeeds
+from bodycam_ros.study.study import Step
+from bodycam_ros.study.study_lock import VARIABLE
+
+INSTALL = 'pip install "bodycam_ros[study]"'
+_STATE = ".snakemake"
+_MAX_HASHED = 4_000_000  # [bytes] larger inputs hold images; their time of change identifies them
+_MAX_CLEANUP_S = 60.0  # a replay needs two seconds to clean up after an interruption
+_OWN = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class StepEnd:
+    """How a step ended.
+
+    Attributes:
+        seconds: how long it took.
+        failure: why it failed, or could not run; None if it is done.
+    """
+
+    step: Step
+    seconds: float
+    failure: str | None
+
+
+class Engine:
+    """Snakemake for one study.
+
+    Args:
+        graph: the steps in their folder of results.
+        needs: what steps are given.
+        cores: of this machine, to be used by all processes together.
+        profile: Snakemake's profile of a cluster, a name or path; None for this machine.
+    """
+
+    def __init__(self, graph: StepGraph, needs: StepNeeds, cores: int, profile: str | None) -> None:
+        self._graph = graph
+        self._needs = needs
+        self._where = ("--cores", str(cores)) if profile is None else ("--profile", find_profile(profile))
+
+    def steps_to_run(self) -> list[Step]:
+        """Steps whose command, inputs or software changed or output is missing, and those that read their outputs.
+
+        Raises:
+            StudyError: a step must run again, but its output was changed by hand since.
+        """
+        planned = set(self._graph.steps)
+        if (self._graph.folder / _STATE).exists():
+            with tempfile.TemporaryDirectory() as scratch:
+                plan = Path(scratch, "graph.json")
+                self._graph.write(plan, self._needs)
+                events = self._events(plan, ("--dry-run",), None)
+                rules = {event.get("rule_name") for event in events}
+                planned = {step for rule, step in self._graph.by_rule.items() if rule in rules}
+        steps = [step for step in self._graph.steps if step in planned]
+        for step in steps:
+            if self._graph.is_changed_by_hand(step):
+                raise StudyError(
+                    f"{step.output}: was changed by hand, and its inputs have changed since. To keep it, move it and "
+                    "name it as an input (body.yaml or map/ of a folder; body or map in a study file); to have it "
+                    "made again, remove it"
+                )
+        return steps
+
+    def run(self, planned: Sequence[Step], lock: Path) -> Generator[Step | StepEnd, None, None]:
+        """Run steps; yields each when it starts and its ``StepEnd``, of one that is tried again several.
+
+        Args:
+            planned: those that ``steps_to_run`` gave.
+            lock: of the folder of results; what runs here ends when this process gives it up.
+
+        Raises:
+            StudyError: Snakemake cannot run, as with a profile that asks for what the cluster does not have.
+        """
+        graph = Path(NOTES, "graph.json")
+        with failure_named(self._graph.folder / NOTES):
+            (self._graph.folder / NOTES).mkdir(exist_ok=True)
+        self._graph.write(self._graph.folder / graph, self._needs)
+        self._graph.write_scripts()
+        rules: dict[int, Step] = {}
+        started: dict[Step, float] = {}
+        failed: dict[Step, str] = {}
+        open_steps = dict.fromkeys(planned)
+        for event in self._events(graph, (), lock):
+            kind = event["event"]
+            if kind == "job_info" and (step := self._graph.by_rule.get(event["rule_name"])):
+                rules[event["jobid"]] = step
+                started[step] = time.monotonic()
+                yield step
+            if kind == "job_finished" and (step := rules.get(event["job_id"])):
+                open_steps.pop(step, None)
+                failed.pop(step, None)  # it was tried again
+                seconds = self._graph.seconds(step)
+                yield StepEnd(step, time.monotonic() - started[step] if seconds is None else seconds, None)
+            if kind == "job_error" and (step := rules.get(event["jobid"])):
+                failed[step] = self._graph.failure(step, _told(event))
+                yield StepEnd(step, time.monotonic() - started[step], failed[step])
+        yield from self._not_run(open_steps, failed)
+
+    def _not_run(self, open_steps: dict[Step, None], failed: dict[Step, str]) -> Iterator[StepEnd]:
+        """The ends of those that wait for one that failed."""
+        first = {step.output: step for step in failed}
+        for step in open_steps:
+            if step not in failed and (cause := next((first[path] for path in step.inputs if path in first), None)):
+                first[step.output] = cause
+                yield StepEnd(step, 0.0, f"not run, because step '{cause.name}' failed")
+
+    def _events(self, graph: Path, more: Sequence[str], lock: Path | None) -> Iterator[dict[str, Any]]:
+        """Run Snakemake, and give what it tells; an interruption ends it and all that it has started.
+
+        Args:
+            graph: from the folder of results on.
+            more: further arguments.
+            lock: of the folder of results; None to plan.
+        """
+        if find_spec("snakemake") is None:
+            raise StudyError(f"'bodycam run' and 'bodycam study' need Snakemake, which is not installed: {INSTALL}")
+        reading, writing = os.pipe()
+        command = [
+            *(sys.executable, "-m", "bodycam_ros.study.engine_process", str(writing)),
+            *("--snakefile", str(_OWN / "steps.smk"), "--directory", str(self._graph.folder)),
+            *("--config", f"graph={graph}", "--workflow-profile", "none", *self._where),
+            *("--rerun-triggers", "mtime", "params", "input", "--max-checksum-file-size", str(_MAX_HASHED)),
+            # Ours is released by the system. Nothing that our commands leave is incomplete.
+            *("--nolock", "--keep-going", "--keep-incomplete", "--rerun-incomplete", "--scheduler", "greedy", *more),
+        ]
+        told = dict(os.environ) if lock is None else {**os.environ, VARIABLE: str(lock)}
+        # In a session of its own: a terminal's Ctrl-C reaches it through us, once.
+        with self._output(lock) as output:
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                pass_fds=(writing,),
+                env=told,
+                start_new_session=True,
+            )
+        os.close(writing)
+        has_failed, problem = False, ""
+        with open(reading, encoding="utf-8") as pipe, _ended(process):
+            for line in pipe:
+                event = json.loads(line)
+                if event["event"] == "error":
+                    problem = event["text"]
+                    continue
+                has_failed |= event["event"] == "job_error"
+                yield event
+            code = process.wait()
+            if code and not has_failed:
+                raise StudyError(f"{self._graph.folder}: the engine (Snakemake) failed: {problem or f'code {code}'}")
+
+    @contextmanager
+    def _output(self, lock: Path | None) -> Iterator[IO[bytes] | int | None]:
+        """Where Snakemake prints to: nowhere while it plans, else to a file, or to the terminal as the steps do."""
+        if lock is None:
+            yield subprocess.DEVNULL
+        elif not self._graph.is_logged:
+            yield None
+        else:
+            with failure_named(self._log):
+                self._log.parent.mkdir(exist_ok=True)
+                file = self._log.open("wb")
+            with file:
+                yield file
+
+    @property
+    def _log(self) -> Path:
+        return self._graph.folder / "logs" / "engine.log"
+
+
+def _told(error: dict[str, Any]) -> str:
+    """What a cluster says about a job that failed, and where it says more; nothing of one on this machine."""
+    first, _, _ = (error["rule_msg"] or "").partition(". ")
+    return f"{first}; what the cluster printed is in {error['log'][-1]}" if first and error["log"] else first
+
+
+@contextmanager
+def _ended(process: "subprocess.Popen[bytes]") -> Iterator[None]:
+    """End Snakemake, if it runs: by SIGINT, so that it takes jobs from a queue; steps here by SIGTERM."""
+    from psutil import NoSuchProcess, Process, wait_procs
+
+    try:
+        yield
+    finally:
+        ended: set[Process] = set()
+        deadline = time.monotonic() + _MAX_CLEANUP_S
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        while process.poll() is None and time.monotonic() < deadline:
+            with suppress(NoSuchProcess):
+                for step in set(Process(process.pid).children(recursive=True)) - ended:
+                    ended.add(step)
+                    step.terminate()
+            time.sleep(0.05)
+        _, alive = wait_procs(ended, max(0.1, deadline - time.monotonic()))
+        for left in alive:
+            left.kill()
+        process.kill()
+        process.wait()
+
+
+def find_profile(name: str) -> str:
+    """A profile by its path, the user's own of that name, or ours.
+
+    Raises:
+        StudyError: there is none.
+    """
+    if Path(name).exists():
+        return str(Path(name).absolute())
+    places = [Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config"), "snakemake"), Path("/etc/xdg/snakemake")]
+    for folder in (*places, _OWN / "profiles"):
+        if (folder / name).is_dir():
+            return str(folder / name)
+    own = ", ".join(sorted(path.name for path in (_OWN / "profiles").iterdir()))
+    raise StudyError(
+        f"--profile {name}: is no folder, no profile of yours ({places[0]}/{name}/config.yaml) and none of ours ({own})"
+    )
