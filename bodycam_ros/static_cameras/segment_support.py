@@ -28,14 +28,17 @@ _OUTER = {"hand": "forearm", "foot": "shin"}
 _MIRRORED_RATE = 0.2
 """Share of a frame in a smoothed support by the colours of the opposite limb."""
 
-_LEAST_ALIKE = {"upper_arm": 0.4, "shin": 0.45, "foot": 0.4}
-"""Kind of segment that the first images did not show -> support by the colours of its opposite below which it is
-elsewhere. Colours that are learned at a wrong place support that place; clothes are alike on both sides. Forearms and
-hands cannot be told apart by it. Nor can limbs that the first images show: light differs, and feet of Pose2Sim's man,
-which are right, have 0.15."""
+_ALIKE = 0.73
+"""Support by the colours of the opposite limb where light is even (``dev_outside_board``); Pose2Sim's man has 0.42."""
 
-_CONFIRMED_ALIKE = 0.55
-"""The same of a segment that the first images did not show, from which on it is confirmed."""
+_LEAST_ALIKE = {"upper_arm": 0.55, "shin": 0.62, "foot": 0.55}
+"""Kind of segment that the first images did not show -> share of what the recording's limbs have of that support, below
+which it is elsewhere. Colours that are learned at a wrong place support that place; clothes are alike on both sides.
+Forearms and hands cannot be told apart by it. Nor can limbs that the first images show: light differs, and feet of
+Pose2Sim's man, which are right, have a support of 0.15."""
+
+_CONFIRMED_ALIKE = 0.75
+"""The share of a segment that the first images did not show, from which on it is confirmed."""
 
 _MIN_LINES, _MIN_PIXELS = 4, 60  # of fewer lines, or pixels at half the resolution, no share can be computed
 _PAUSE = 30  # frames between two searches; twice as many after each failure
@@ -109,6 +112,7 @@ class SegmentSupport:
         self._hidden_first = self.unseen
         self._since_search = self._pause = _PAUSE
         self._opposite = opposite_rows(body)
+        self._has_opposite = self._opposite != np.arange(len(body.segments))
         self._least_alike = np.array([_LEAST_ALIKE.get(kind, -np.inf) for kind in kinds])
         self._alike = self._smoothed.copy()
 
@@ -120,9 +124,9 @@ class SegmentSupport:
         self._smoothed = _smoothed(self._smoothed, support, _RATE)
         self._alike = _smoothed(self._alike, alike, _MIRRORED_RATE)
         confirmed = self._smoothed >= CONFIRMED
-        has_like = (self._opposite != np.arange(len(support))) & ~self.unseen[self._opposite]
+        has_like = self._has_opposite & ~self.unseen[self._opposite]
         self.unconfirmed = self.unconfirmed & ~confirmed
-        self.unseen = self.unseen & ~(confirmed & (~has_like | (self._alike >= _CONFIRMED_ALIKE)))
+        self.unseen = self.unseen & ~(confirmed & (~has_like | (self._alike >= _CONFIRMED_ALIKE * self._usual)))
 
     @property
     def false(self) -> Mask:
@@ -133,6 +137,13 @@ class SegmentSupport:
         return self.with_descendants((support < self._least) | self.unconfirmed, ~self._beside)
 
     @property
+    def _usual(self) -> float:
+        """How alike the limbs are that the first images show on both sides: one side may be in the shade."""
+        shown = self._has_opposite & ~self._hidden_first & ~self._hidden_first[self._opposite]
+        alike = self._alike[shown & np.isfinite(self._alike)]
+        return min(_ALIKE, float(np.median(alike))) if len(alike) else _ALIKE
+
+    @property
     def unlike(self) -> Mask:
         """(S,) segments that the first images did not show and that are unlike the opposite limb, and descendants.
 
@@ -140,7 +151,7 @@ class SegmentSupport:
         """
         own = self._smoothed
         other_is_right = (own[self._opposite] >= own) & ~self.false[self._opposite] & ~self.unseen[self._opposite]
-        is_unlike = (self._alike < self._least_alike) & other_is_right & self._hidden_first
+        is_unlike = (self._alike < self._least_alike * self._usual) & other_is_right & self._hidden_first
         return self.with_descendants(is_unlike, ~self._beside)
 
     def with_descendants(self, segments: Mask, within: Mask) -> Mask:

@@ -60,6 +60,14 @@ def test_unseen_foot_that_is_unlike_the_other_is_not_confirmed_by_colours_of_its
     assert np.flatnonzero(judged.unlike).tolist() == [row], "it was lost since"
 
 
+def test_unseen_foot_is_confirmed_by_fewer_colours_where_one_side_is_in_the_shade() -> None:
+    judged, row, shade = SegmentSupport(BODY), BODY.segment_index["foot_right"], np.full(len(BODY.segments), 0.4)
+    judged.update(_with(np.nan, "foot_right"), shade)
+    for _ in range(10):
+        judged.update(_with(0.7, "foot_right"), shade)
+    assert not judged.unseen[row] and not judged.unlike[row]
+
+
 def test_feet_in_different_light_that_the_first_images_show_are_not_unlike() -> None:
     judged = SegmentSupport(BODY)
     for _ in range(30):
