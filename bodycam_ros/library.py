@@ -168,7 +168,7 @@ class Replay(Iterator[BodyOutput]):
         )
         if files is not None:
             self._stations = read_recorded_static_cameras(files, self._map, recording, body)
-            if files.keypoints is not None:
+            if files.evidence not in (None, AUTO):
                 self._stamps_ns = recording.image_stamps(self._stations)
         if not self._cameras:
             self._cameras.update({camera: recording.camera_model(camera) for camera in body_cameras})

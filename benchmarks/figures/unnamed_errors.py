@@ -135,7 +135,10 @@ def _named(output: str, segment: str, seconds: NDArray[np.float64]) -> Mask:
     """(T,) states that a finding on a segment lists."""
     named = np.zeros(len(seconds), bool)
     text = " ".join(output.split())
-    found = re.search(rf"segment {segment}: (?P<what>[^:]*: (?:[\d.]+ to [\d.]+ s(?:, )?)+)", text)
+    alone = rf"segment {segment}: [^:]*: "
+    merged = rf"segments \([^)]*\b{segment}\b[^)]*\): [^:]*: "
+    counted = rf"likewise \d+ more segments: (?:[^;]*, )?{segment} \("
+    found = re.search(rf"(?:{alone}|{merged}|{counted})(?P<what>(?:[\d.]+ to [\d.]+ s(?:, )?)+)", text)
     for start_s, end_s in re.findall(r"([\d.]+) to ([\d.]+) s", found["what"]) if found else ():
         named |= (seconds >= float(start_s) - _EDGE_S) & (seconds <= float(end_s) + _EDGE_S)
     return named

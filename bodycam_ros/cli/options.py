@@ -71,9 +71,10 @@ _OPTIONS: Mapping[str, Mapping[str, Any]] = {
     },
     "--start": {"metavar": "START", "needs": "stations"},
     "--keypoints": {
-        "metavar": "FOLDER", "needs": "stations",
-        "help": "with --stations: 2-D keypoints of each camera, a JSON file for each image, which count beside the "
-        "contours; the start as well where --start is not given",
+        "metavar": "KEYPOINTS", "needs": "stations",
+        "help": "with --stations: 2-D keypoints that count beside the contours: a folder of each camera's, a JSON file "
+        "for each image; auto, which detects them in all images; or none (default: auto with --start auto, else none); "
+        "the start as well where --start is not given",
     },
     "--person": {
         "type": number(int, 1, 20), "metavar": "N", "needs": "start",

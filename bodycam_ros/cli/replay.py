@@ -1,6 +1,7 @@
 """bodycam replay: solve a bag, and write a bag with joint states; exit code 3 where the result should not be used."""
 
 import argparse
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from bodycam_ros.cli.options import (
@@ -119,10 +120,10 @@ def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":
     if arguments.stations is not None:
         from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
-        start = arguments.start or arguments.keypoints
-        return StaticCameraFiles(
-            arguments.stations, arguments.surface, start, arguments.keypoints, arguments.person or 1
+        given = StaticCameraFiles(
+            arguments.stations, arguments.surface, arguments.start, arguments.keypoints, arguments.person or 1
         )
+        return replace(given, start=given.start or given.evidence)
     if arguments.map is None:
         raise StaticCameraError("give the place's reference map with --map, or static cameras with --stations")
     return None

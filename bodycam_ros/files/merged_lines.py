@@ -13,7 +13,8 @@ def merge_lines(lines: Iterable[str]) -> list[str]:
 
     Equal remarks on several subjects, as ``camera head: has no sound``, become ``each of 3 cameras (head, shin_left,
     foot_left): has no sound``. Of three or more that differ in their figures or in their own name alone, the first is
-    kept and the others are counted and named after it. Equal lines are one.
+    kept and the others are counted and named after it, segments with their figures: when each was lost. Equal lines are
+    one.
 
     Args:
         lines: each about one subject, named at its start, or about none.
@@ -39,4 +40,12 @@ def _merged(group: list[tuple[str, str, str, str]]) -> list[str]:
         return [f"each of {len(names)} {kind}s ({', '.join(names)}): {text}"]
     if len(group) < _LEAST_UNLIKE:
         return [each[3] for each in group]
-    return [f"{line}; likewise {len(names) - 1} more {kind}s: {', '.join(names[1:])}"]
+    others = [f"{name} ({_figures(text)})" if kind == "segment" else name for _, name, text, _ in group[1:]]
+    return [f"{line}; likewise {len(names) - 1} more {kind}s: {', '.join(others)}"]
+
+
+def _figures(text: str) -> str:
+    """The words from the first figure of a text to the unit of the last one."""
+    words = text.split(" ")
+    figures = [row for row, word in enumerate(words) if _FIGURE.search(word)]
+    return " ".join(words[figures[0] : figures[-1] + 2]).strip(".,:;")

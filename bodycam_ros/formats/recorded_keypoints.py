@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.keypoints import JOINTS, is_keypoints, read_keypoints
-from bodycam_ros.static_cameras.keypoint_evidence import KeypointEvidence
+from bodycam_ros.static_cameras.keypoint_evidence import KeypointEvidence, RecordedPeople
 from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 _WITHOUT_END = 1_000_000
@@ -41,4 +41,4 @@ def read_recorded_keypoints(
                 "empty list of people where there is nobody"
             )
         people[camera] = dict(zip(stamps.tolist(), frames, strict=True))
-    return KeypointEvidence(body, stations, JOINTS, people)
+    return KeypointEvidence(body, stations, JOINTS, RecordedPeople(people))

@@ -17,7 +17,7 @@ from bodycam_ros.estimation.static_evidence import StaticMeasurement
 from bodycam_ros.geometry import Array
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
-from bodycam_ros.static_cameras.start_file import StaticCameraFiles
+from bodycam_ros.static_cameras.start_file import AUTO, StaticCameraFiles
 from bodycam_ros.static_cameras.static_camera import StaticCamera
 from bodycam_ros.static_cameras.static_measurement import ImageMeasurement
 
@@ -51,17 +51,24 @@ def image_measurement(
         BodyError: the body's surface, the start or the keypoints cannot be used.
     """
     # Here, as formats of others take a tenth of a second to load, and body cameras do without.
+    from bodycam_ros.formats.keypoints import JOINTS
     from bodycam_ros.formats.read_captured import read_start
     from bodycam_ros.formats.recorded_keypoints import read_recorded_keypoints
+    from bodycam_ros.static_cameras.blazepose import PoseDetector
+    from bodycam_ros.static_cameras.detected_people import DetectedPeople
+    from bodycam_ros.static_cameras.keypoint_evidence import KeypointEvidence
 
     surface = BodySurface.of(body, surfaces_of(body, body_path, given.surface))
     tracker = RegionTracker(body, surface, stations, settings.region, searches_again=not live)
     placed = None
     if given.start is not None:
         placed = read_start(given.start, given.stations, stations, body, given.person, people)
-    keypoints = None
-    if given.keypoints is not None:
+    keypoints: KeypointEvidence | None = None
+    if given.evidence == AUTO:
+        source = DetectedPeople(PoseDetector.installed())
+        keypoints = KeypointEvidence(tracker.body, stations, JOINTS, source)
+    elif given.evidence is not None:
         if stamps_ns is None:
-            raise BodyError(f"{given.keypoints}: keypoints are those of a bag's images; give the bag")
-        keypoints = read_recorded_keypoints(given.keypoints, stations, tracker.body, stamps_ns)
+            raise BodyError(f"{given.evidence}: keypoints are those of a bag's images; give the bag")
+        keypoints = read_recorded_keypoints(given.evidence, stations, tracker.body, stamps_ns)
     return ImageMeasurement(tracker, placed, settings.motion, on_seen, keypoints)

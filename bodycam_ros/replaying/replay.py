@@ -112,7 +112,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
                 request.body,
                 settings,
                 lambda *measured: out.write_measured(*measured),
-                stamps_ns=recording.image_stamps(stations) if outside.keypoints else None,
+                stamps_ns=recording.image_stamps(stations) if outside.evidence not in (None, AUTO) else None,
                 people=people,
             )
             if not cameras and outside.start is None:

@@ -47,7 +47,7 @@ class ArticulatedStep:
     """
 
     def __init__(self, body: BodyModel, obeys_limits: bool = True) -> None:
-        self._body = body
+        self.body = body
         self._tangent = TreeTangent(body)
         self._limits = JointLimits(body)
         self._obeys_limits = obeys_limits
@@ -80,8 +80,8 @@ class ArticulatedStep:
         self.add_prediction(A, b, poses, predicted)
         step = np.zeros(self._tangent.count)
         step[self._columns] = np.linalg.solve(A, b)
-        moved = self._tangent.moved(self._body.motion_of(poses), step)
-        return self._beside_as(poses, self._body.poses_of(moved))
+        moved = self._tangent.moved(self.body.motion_of(poses), step)
+        return self._beside_as(poses, self.body.poses_of(moved))
 
     def fit(
         self,
@@ -118,7 +118,7 @@ class ArticulatedStep:
 
     def close_joints(self, poses: Array) -> Array:
         """The nearest poses (S, 4, 4) of the root and of all joints' rotations that leave no gap."""
-        closed = self._body.forward_kinematics(poses[self._tangent.root], self._body.joint_rotations(poses))
+        closed = self.body.forward_kinematics(poses[self._tangent.root], self.body.joint_rotations(poses))
         return self._beside_as(poses, closed)
 
     def jacobians(self, poses: Array) -> Array:
@@ -133,7 +133,7 @@ class ArticulatedStep:
         weights = predicted.root_sigmas**-2.0
         A[range(6), range(6)] += weights
         b[:6] -= weights * log_se3(inverse(before[root]) @ poses[root])
-        rotations, rotations_before = self._body.joint_rotations(np.stack([poses, before]))
+        rotations, rotations_before = self.body.joint_rotations(np.stack([poses, before]))
         within = self._limits.clamp(rotations) if self._obeys_limits else rotations
         references = np.stack([within, rotations_before, self._middle])
         beyond, since_before, off_middle = log_so3(rotations @ np.swapaxes(references, 2, 3))

@@ -39,6 +39,8 @@ _LEAST_BOX_SCORE = 0.3
 _LEAST_PERSON_SCORE = 0.5
 _ROI_SCALE = 1.25  # of the circle around a person that both networks give
 _HIPS, _CIRCLE = 33, 34  # rows of two landmarks more: the middle of the hips, a point on that circle
+_JOINTS_OF_SHOULDERS, _JOINTS_OF_HIPS = slice(0, 2), slice(6, 8)  # of ``LANDMARKS``
+_BEYOND_JOINTS, _HEAD = 1.1, 1.7  # radius of that circle, over the farthest joint and over the trunk's length
 _SAME_BOX = 0.3  # share of their union that two boxes have in common
 _SAME_PERSON = 0.15  # of the larger one's extent: mean distance of landmarks of one person found twice
 _WHOLE = (1.0, 1.5)  # of the image's larger side: somebody who fills the image is not found without a margin
@@ -71,6 +73,19 @@ class Square:
     def about(hips: Array, on_circle: Array) -> "Square":
         """The square about the middle of the hips (2,) and the circle through a point (2,) above it [px]."""
         return Square(hips, _ROI_SCALE * (on_circle - hips))
+
+    @staticmethod
+    def of_joints(joints: Array) -> "Square | None":
+        """The square around a person with joints (12, 2) at the pixels of ``LANDMARKS``; None where hips have none."""
+        hips, shoulders = joints[_JOINTS_OF_HIPS].mean(axis=0), joints[_JOINTS_OF_SHOULDERS].mean(axis=0)
+        upward = shoulders - hips
+        length = float(np.linalg.norm(upward))
+        if not length > 0.0:
+            return None
+        farthest = float(np.nanmax(np.linalg.norm(joints - hips, axis=1)))
+        # Hands and feet go on beyond wrists and ankles, and the head beyond the shoulders.
+        radius = max(_BEYOND_JOINTS * farthest, _HEAD * length)
+        return Square.about(hips, hips + radius / length * upward)
 
     @property
     def pixels_of_crop(self) -> Array:
@@ -112,23 +127,24 @@ class PoseDetector:
         Returns:
             (12, 3) of each, pixel and score of ``LANDMARKS``, the most certain person first.
         """
-        found: list[tuple[float, Array]] = []
-        for square in self._squares(image):
-            score, landmarks = 1.0, np.empty(0)
-            for _ in range(_REFINEMENTS):
-                score, landmarks = self._landmarks(image, square)
-                if score < _LEAST_PERSON_SCORE:
-                    break
-                square = Square.about(landmarks[_HIPS, :2], landmarks[_CIRCLE, :2])
-            else:
-                found.append((score, landmarks[list(LANDMARKS)]))
+        found = [person for square in self._squares(image) if (person := self.detect_in(image, square)) is not None]
         # The score of a person saturates; how many joints are in the image tells more.
-        found.sort(key=lambda person: -float(person[1][:, 2].sum()))
+        found.sort(key=lambda person: -float(person[:, 2].sum()))
         people: list[Array] = []
-        for _, person in found:
+        for person in found:
             if not any(_is_same(person, other) for other in people):
                 people.append(person)
         return people[:_MOST_PEOPLE]
+
+    def detect_in(self, image: Image, square: Square) -> Array | None:
+        """The person in about a square of an image (H, W, 3), as ``detect`` has each; None where there is none."""
+        landmarks = np.empty(0)
+        for _ in range(_REFINEMENTS):
+            score, landmarks = self._landmarks(image, square)
+            if score < _LEAST_PERSON_SCORE:
+                return None
+            square = Square.about(landmarks[_HIPS, :2], landmarks[_CIRCLE, :2])
+        return landmarks[list(LANDMARKS)]
 
     def _squares(self, image: Image) -> list[Square]:
         """Squares around people, the most certain ones first, each person once."""

@@ -117,7 +117,7 @@ class BodyMeasurement:
         lasting, sigmas = np.zeros(self._size), np.zeros(self._shape.size)
         for number in range(1, _ROUNDS + 1):
             evidence = ShapeEvidence(self._shape, lasting, self._region)
-            information, vector, count, seen = self._track(evidence, f"round {number}")
+            information, vector, count, seen = self._track(evidence, f"round {number} of at most {_ROUNDS}")
             if seen < _MIN_SEEN:
                 raise RangeOfMotionError(
                     f"static cameras observed only {seen:.0%} of the body's segments on average; check that the "

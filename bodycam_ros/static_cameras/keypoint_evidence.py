@@ -6,6 +6,7 @@ with the point that the most cameras agree on; what is elsewhere (left for right
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,8 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import JOINT_ABOVE, LEFT, RIGHT
 from bodycam_ros.estimation.factors.joint_keypoints import JointKeypoints
 from bodycam_ros.geometry import Array, inverse, transform_points
-from bodycam_ros.static_cameras.static_camera import StaticCamera
+from bodycam_ros.static_cameras.articulated_step import ArticulatedStep, PredictedBody
+from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
 from bodycam_ros.static_cameras.triangulated_joints import INLIER, LEAST_SCORE, triangulate_people
 
 SIGMA_M = 0.04
@@ -23,12 +25,42 @@ SIGMA_M = 0.04
 FAR_M = 0.15
 """From a joint of the body to where cameras agree that it is [m], from which on it was lost."""
 
+_STEPS = 5  # to where keypoints have a limb that was lost
 _KINDS = {joint.capitalize(): kind for kind, joint in JOINT_ABOVE.items()}
 _SIDES = {"L": LEFT, "R": RIGHT}
 _NEAR_M = 1.0  # from the predicted body, as a length at its distance, from which on a person is another
 
 People = Sequence[Array]
 """(J, 3) pixel and score of the joints of each person in an image."""
+
+
+class KeypointSource(Protocol):
+    """People in images of static cameras."""
+
+    def people(self, camera: str, stamp_ns: int, image: Image, near: Array) -> People:
+        """People in an image.
+
+        Args:
+            camera: its name.
+            stamp_ns: when it was taken [ns].
+            image: (H, W, 3) blue, green, red.
+            near: (J, 2) about where the joints of the person are [px], NaN of those that are not in the lens's cone.
+        """
+
+
+@dataclass(frozen=True)
+class RecordedPeople(KeypointSource):
+    """People that were detected before.
+
+    Attributes:
+        by_stamp: camera -> stamp of an image [ns] -> people in it.
+    """
+
+    by_stamp: Mapping[str, Mapping[int, People]]
+
+    def people(self, camera: str, stamp_ns: int, image: Image, near: Array) -> People:
+        """See ``KeypointSource``."""
+        return self.by_stamp.get(camera, {}).get(stamp_ns, ())
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +88,25 @@ class AgreedKeypoints:
         far[self.segments] = np.linalg.norm(poses[self.segments, :3, 3] - self.places, axis=1) > FAR_M
         return far
 
+    def move_limbs(
+        self, step: ArticulatedStep, poses: Array, near: PredictedBody, far: NDArray[np.bool_]
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Poses (S, 4, 4) with the joints where keypoints have them, and the segments (S,) that were elsewhere.
+
+        Args:
+            step: of the body.
+            poses: (S, 4, 4), of which some origins are far (S,) from the keypoints.
+            near: prediction about these.
+            far: (S,) which; a segment is elsewhere where either of its ends is.
+        """
+        moved = poses
+        for _ in range(_STEPS):
+            moved = step.apply(moved, *self.keypoints.equations(moved), near)
+        parents, children = step.body.joint_ends.T
+        ends = far.copy()
+        ends[parents[far[children]]] = True
+        return moved, ends
+
     def without(self, segments: NDArray[np.bool_]) -> "AgreedKeypoints":
         """The same without the keypoints of some segments (S,)."""
         kept = ~segments[self.segments]
@@ -70,7 +121,7 @@ class KeypointEvidence:
         body: whose joints they are.
         stations: static cameras, by name.
         joints: names of the keypoints' J joints, as ``formats.keypoints.JOINTS``.
-        people: camera -> stamp of an image [ns] -> people in it.
+        source: of the people in each image.
     """
 
     def __init__(
@@ -78,21 +129,22 @@ class KeypointEvidence:
         body: BodyModel,
         stations: Mapping[str, StaticCamera],
         joints: Sequence[str],
-        people: Mapping[str, Mapping[int, People]],
+        source: KeypointSource,
     ) -> None:
         names = [_KINDS[joint[1:]] + _SIDES[joint[0]] for joint in joints]
         self._rows = np.array([body.segment_index.get(name, -1) for name in names], np.int64)
-        self._stations, self._people = stations, people
+        self._stations, self._source = stations, source
         self._numbers = {name: number for number, name in enumerate(stations)}
         self._views = {name: (station.camera, station.world_T_camera) for name, station in stations.items()}
 
-    def agreed(self, stamps_ns: Mapping[str, int], poses: Array) -> AgreedKeypoints:
-        """The keypoints of images, by their cameras and stamps, of the body that is near poses (S, 4, 4)."""
+    def agreed(self, images: Mapping[str, Image], stamps_ns: Mapping[str, int], poses: Array) -> AgreedKeypoints:
+        """The keypoints of images with their stamps [ns], by camera, of the body that is near poses (S, 4, 4)."""
         places = np.where((self._rows >= 0)[:, None], poses[self._rows, :3, 3], np.nan)
         nearest = {}
-        for name, stamp_ns in stamps_ns.items():
-            people = self._people.get(name, {}).get(stamp_ns, ())
-            apart = [_apart_m(self._stations[name], person, places) for person in people]
+        for name, image in images.items():
+            seen, focal = _projected(self._stations[name], places)
+            people = self._source.people(name, stamps_ns[name], image, seen)
+            apart = [_apart_m(person, seen, focal) for person in people]
             if apart and min(apart) < _NEAR_M:
                 nearest[name] = people[int(np.argmin(apart))]
         found = triangulate_people(self._stations, {name: [person] for name, person in nearest.items()})
@@ -125,9 +177,8 @@ def _projected(station: StaticCamera, points: Array) -> tuple[Array, Array]:
     return np.where(valid[:, None], seen, np.nan), focal
 
 
-def _apart_m(station: StaticCamera, person: Array, places: Array) -> float:
-    """Median distance of a person's keypoints from joints (J, 3), as a length at their distance [m]."""
-    seen, focal = _projected(station, places)
+def _apart_m(person: Array, seen: Array, focal: Array) -> float:
+    """Median distance of a person's keypoints from joints at pixels (J, 2), (J,) pixels of a metre there [m]."""
     off = np.linalg.norm(seen - person[:, :2], axis=1) / focal
     off = off[(person[:, 2] >= LEAST_SCORE) & np.isfinite(off)]
     return float(np.median(off)) if len(off) else np.inf

@@ -25,6 +25,7 @@ from bodycam_ros.static_cameras.segment_support import (
     CameraSupport,
     SegmentSupport,
     measure_support,
+    opposite_rows,
     surface_variances,
 )
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
@@ -47,7 +48,6 @@ _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
 _LASTING = 3  # frames in which keypoints have a limb elsewhere: two cameras may exchange left and right at once
-_KEYPOINT_STEPS = 5  # to where keypoints have a limb that was lost
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
 
 Images = Mapping[str, Image]
@@ -98,6 +98,7 @@ class RegionTracker:
         self.views = {name: RegionModel(station, surface, jointed) for name, station in stations.items()}
         self._step = ArticulatedStep(body)
         self._min_views = _MIN_VIEWS if searches_again else len(stations) + 1
+        self._opposite = opposite_rows(body)
         self._all = np.ones(len(body.segments), bool)
         self.restart()
 
@@ -255,6 +256,13 @@ class RegionTracker:
         """Support (S,) of the segments in all images; NaN of hidden ones."""
         return measure_support(fit.measured.values(), *self._explain_pixels(images, fit.contours))
 
+    def _update_support(self, images: Images, fit: _Fit) -> None:
+        parts = [
+            self.views[name].explain_by(image, fit.contours[name], self._opposite) for name, image in images.items()
+        ]
+        alike = measure_support(fit.measured.values(), *np.sum(parts, axis=0))
+        self._support.update(self._measure_support(images, fit), alike)
+
     def measure(
         self,
         images: Images,
@@ -282,11 +290,11 @@ class RegionTracker:
         agreed = agreed.without(far & ~jumped)
         if jumped.any():
             # Keypoints have limbs elsewhere, and not for a moment: they are taken there, and the contours fit them.
-            start, jumped = self._moved_to(agreed, start, jumped)
+            start, jumped = agreed.move_limbs(self._step, start, _near(start), jumped)
             predicted = _near(start)
             self._support.start_again(jumped)
         fit = self._fit(images, start, predicted, known, self._support.unconfirmed, agreed.keypoints)
-        self._support.update(self._measure_support(images, fit))
+        self._update_support(images, fit)
         if len(images) >= self._min_views and (missing := self._support.next_search() & ~on_body).any():
             colours = {name: view.colours for name, view in self.views.items()}
             poses, still = self._search(images, fit.poses, missing, known)
@@ -295,7 +303,7 @@ class RegionTracker:
             if found.any():
                 self._support.start_again(found)
                 fit = self._fit(images, poses, _near(poses), known, self._support.unconfirmed, agreed.keypoints)
-                self._support.update(self._measure_support(images, fit))
+                self._update_support(images, fit)
             else:
                 for name, view in self.views.items():
                     view.replace_colours(colours[name])
@@ -313,7 +321,7 @@ class RegionTracker:
             view = self.views[name]
             contour = view.propagate_contour(fit.contours[name], fit.poses)
             view.update_colours(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.has_colours))
-        unsupported = self._support.false | self._support.unseen | agreed.far_from(fit.poses)
+        unsupported = self._support.false | self._support.unseen | self._support.unlike | agreed.far_from(fit.poses)
         return StaticMeasurement(
             {name: self._evidence(fit.before, regions, seen[name]) for name, regions in fit.measured.items()},
             fit.poses,
@@ -324,19 +332,6 @@ class RegionTracker:
             surface_variances(self.body),
             agreed.keypoints,
         )
-
-    def _moved_to(self, agreed: AgreedKeypoints, poses: Array, far: Mask) -> tuple[Array, Mask]:
-        """Poses (S, 4, 4) with the joints where keypoints have them, and the segments (S,) that were elsewhere.
-
-        A segment is elsewhere where either of its ends is far (S,).
-        """
-        moved = poses
-        for _ in range(_KEYPOINT_STEPS):
-            moved = self._step.apply(moved, *agreed.keypoints.equations(moved), _near(poses))
-        parents, children = self.body.joint_ends.T
-        ends = far.copy()
-        ends[parents[far[children]]] = True
-        return moved, ends
 
     def _fit(
         self,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.segment_name import SegmentName
+from bodycam_ros.body.segment_name import SegmentName, mirrored
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras.static_camera import RegionEvidence
 
@@ -24,6 +24,21 @@ with its foot, on average: of 718 states of arms that were off by more than 15 c
 (of one demo with noise in its start, by which it was chosen)."""
 
 _OUTER = {"hand": "forearm", "foot": "shin"}
+
+_MIRRORED_RATE = 0.2
+"""Share of a frame in a smoothed support by the colours of the opposite limb."""
+
+_ALIKE = 0.73
+"""Support by the colours of the opposite limb where light is even (``dev_outside_board``); Pose2Sim's man has 0.42."""
+
+_LEAST_ALIKE = {"upper_arm": 0.55, "shin": 0.62, "foot": 0.55}
+"""Kind of segment that the first images did not show -> share of what the recording's limbs have of that support, below
+which it is elsewhere. Colours that are learned at a wrong place support that place; clothes are alike on both sides.
+Forearms and hands cannot be told apart by it. Nor can limbs that the first images show: light differs, and feet of
+Pose2Sim's man, which are right, have a support of 0.15."""
+
+_CONFIRMED_ALIKE = 0.75
+"""The share of a segment that the first images did not show, from which on it is confirmed."""
 
 _MIN_LINES, _MIN_PIXELS = 4, 60  # of fewer lines, or pixels at half the resolution, no share can be computed
 _PAUSE = 30  # frames between two searches; twice as many after each failure
@@ -77,8 +92,9 @@ class SegmentSupport:
 
     Attributes:
         unconfirmed: (S,) segments that were searched for, and that the images have not confirmed since.
-        unseen: (S,) segments that the first images did not show, and that none has confirmed since: they are where the
-            start has them, and colours that are learned there may be those of what is behind them.
+        unseen: (S,) segments that the first images did not show, and that none has confirmed since, neither by their
+            own colours nor by those of the opposite limb: they are where the start has them, and colours that are
+            learned there may be those of what is behind them.
     """
 
     def __init__(self, body: BodyModel) -> None:
@@ -93,16 +109,24 @@ class SegmentSupport:
         self._least = np.where(kinds == "head", _MIN_HEAD_SUPPORT, _MIN_SUPPORT)
         self._least[self._pairs] = _MIN_OUTER_SUPPORT
         self._beside = body.named(body.equipment_segments)
+        self._hidden_first = self.unseen
         self._since_search = self._pause = _PAUSE
+        self._opposite = opposite_rows(body)
+        self._has_opposite = self._opposite != np.arange(len(body.segments))
+        self._least_alike = np.array([_LEAST_ALIKE.get(kind, -np.inf) for kind in kinds])
+        self._alike = self._smoothed.copy()
 
-    def update(self, support: Array) -> None:
-        """Add the support (S,) in a frame."""
+    def update(self, support: Array, alike: Array) -> None:
+        """Add the support in a frame (S,), and that by the colours of the opposite limbs (S,)."""
         if not self._began:
             self.unseen, self._began = np.isnan(support) & ~self._beside, True
-        before = np.where(np.isnan(self._smoothed), support, self._smoothed)
-        self._smoothed = np.where(np.isnan(support), before, before + _RATE * (support - before))
+            self._hidden_first = self.unseen
+        self._smoothed = _smoothed(self._smoothed, support, _RATE)
+        self._alike = _smoothed(self._alike, alike, _MIRRORED_RATE)
         confirmed = self._smoothed >= CONFIRMED
-        self.unconfirmed, self.unseen = self.unconfirmed & ~confirmed, self.unseen & ~confirmed
+        has_like = self._has_opposite & ~self.unseen[self._opposite]
+        self.unconfirmed = self.unconfirmed & ~confirmed
+        self.unseen = self.unseen & ~(confirmed & (~has_like | (self._alike >= _CONFIRMED_ALIKE * self._usual)))
 
     @property
     def false(self) -> Mask:
@@ -111,6 +135,24 @@ class SegmentSupport:
         both = support[self._pairs]
         support[self._pairs] = np.where(np.isnan(both), both[:, ::-1], both).mean(axis=1, keepdims=True)
         return self.with_descendants((support < self._least) | self.unconfirmed, ~self._beside)
+
+    @property
+    def _usual(self) -> float:
+        """How alike the limbs are that the first images show on both sides: one side may be in the shade."""
+        shown = self._has_opposite & ~self._hidden_first & ~self._hidden_first[self._opposite]
+        alike = self._alike[shown & np.isfinite(self._alike)]
+        return min(_ALIKE, float(np.median(alike))) if len(alike) else _ALIKE
+
+    @property
+    def unlike(self) -> Mask:
+        """(S,) segments that the first images did not show and that are unlike the opposite limb, and descendants.
+
+        The opposite is one that the images support, and better.
+        """
+        own = self._smoothed
+        other_is_right = (own[self._opposite] >= own) & ~self.false[self._opposite] & ~self.unseen[self._opposite]
+        is_unlike = (self._alike < self._least_alike * self._usual) & other_is_right & self._hidden_first
+        return self.with_descendants(is_unlike, ~self._beside)
 
     def with_descendants(self, segments: Mask, within: Mask) -> Mask:
         """The segments (S,) ``within`` (S,) some, and those that hang on them."""
@@ -132,8 +174,20 @@ class SegmentSupport:
 
     def start_again(self, found: Mask) -> None:
         """Forget what images before showed of segments (S,) that a search has found elsewhere."""
-        self._smoothed[found] = np.nan
+        self._smoothed[found] = self._alike[found] = np.nan
         self.unconfirmed = self.unconfirmed & ~found
+
+
+def opposite_rows(body: BodyModel) -> NDArray[np.int64]:
+    """(S,) row of the same segment on the other side; its own of one that has none."""
+    rows = body.segment_index
+    return np.array([rows.get(mirrored(name) or name, row) for row, name in enumerate(body.segments)], np.int64)
+
+
+def _smoothed(before: Array, now: Array, rate: float) -> Array:
+    """Smoothed values (S,) with those of a frame, of which NaN add nothing."""
+    begun = np.where(np.isnan(before), now, before)
+    return np.where(np.isnan(now), begun, begun + rate * (now - begun))
 
 
 class CameraSupport:

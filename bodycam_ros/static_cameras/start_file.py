@@ -35,7 +35,10 @@ _SHORTEST = 0.1  # quaternion: of the three digits that a person writes, a short
 _FARTHEST_M = 1000.0  # beyond it, millimetres were taken for metres
 
 AUTO = Path("auto")
-"""A start that is detected in the first images."""
+"""A start that is detected in the first images, or keypoints that are detected in all."""
+
+NONE = Path("none")
+"""No keypoints, although the start is detected."""
 
 START_SIGMAS = np.repeat([0.12, 0.04], 3)
 """[rad], [m] of a segment that a person placed by hand."""
@@ -52,7 +55,8 @@ class StaticCameraFiles:
         stations: their poses and lenses.
         surface: folder of the segments' meshes; None for the body's own, or capsules.
         start: initial pose of the body, or ``AUTO``; None where body cameras measure it.
-        keypoints: folder of 2-D keypoints of each camera, a file for each image; None without.
+        keypoints: folder of 2-D keypoints of each camera, a file for each image, ``AUTO`` or ``NONE``; None for those
+            that suit the start.
         person: which of the people it is, where the start is detected or keypoints: 1 for the one on whom the most
             keypoints of all cameras agree.
     """
@@ -62,6 +66,13 @@ class StaticCameraFiles:
     start: Path | None = None
     keypoints: Path | None = None
     person: int = 1
+
+    @property
+    def evidence(self) -> Path | None:
+        """Keypoints that count in all images: with a detected start detected ones, unless others or none are given."""
+        if self.keypoints is None and self.start == AUTO:
+            return AUTO
+        return None if self.keypoints == NONE else self.keypoints
 
 
 @dataclass(frozen=True, eq=False)

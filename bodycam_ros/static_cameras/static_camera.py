@@ -192,6 +192,13 @@ class RegionModel:
         explained: Array = (areas * self._gains).sum(axis=1, dtype=np.float64)
         return explained, areas.sum(axis=1, dtype=np.float64)
 
+    def explain_by(self, image: Image, contour: Contour, rows: NDArray[np.int64]) -> tuple[Array, Array]:
+        """The same by the colours that the segments ``rows`` (S,) have inward of their contours."""
+        areas = self._count_areas(image, contour)
+        gains = np.tanh(0.5 * np.log((self._inside[rows] + _UNSEEN) / (self._outside + _UNSEEN)))
+        explained: Array = (areas * gains).sum(axis=1, dtype=np.float64)
+        return explained, areas.sum(axis=1, dtype=np.float64)
+
     def copy_unknown_colours(self, others: Iterable["RegionModel"]) -> None:
         """Take unknown colours from other cameras: clothes look alike from all sides."""
         unknown = ~self._areas.any(axis=1)

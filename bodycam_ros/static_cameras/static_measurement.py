@@ -90,7 +90,7 @@ class ImageMeasurement:
             predicted = self._tracker.find_limbs(pictures, predicted, known)
             self._has_colours = True
         stamps_ns = {name: frame.images[name].stamp_ns for name in pictures}
-        agreed = self._keypoints.agreed(stamps_ns, predicted) if self._keypoints else None
+        agreed = self._keypoints.agreed(pictures, stamps_ns, predicted) if self._keypoints else None
         seen = self._tracker.measure(pictures, predicted_body(predicted, dt_s, self._motion), known, agreed)
         self._latest = frame.stamp_ns, seen.world_T_segment
         self._on_seen(stamps_ns, seen)

@@ -20,6 +20,12 @@ def test_remarks_that_differ_in_figures_and_file_names_are_one_line_from_three_o
     assert one == "camera head: head.mp4 has 7 of 90.5 frames; likewise 2 more cameras: shin, foot"
 
 
+def test_segments_keep_the_times_when_each_was_lost() -> None:
+    spans = {"hand": "0.0 to 1.7 s", "shin": "0.2 to 3.0 s", "foot": "1.0 to 2.5 s"}
+    lines = [f"segment {name}: not where the body has it: {span}; lost" for name, span in spans.items()]
+    assert merge_lines(lines) == [f"{lines[0]}; likewise 2 more segments: shin (0.2 to 3.0 s), foot (1.0 to 2.5 s)"]
+
+
 def test_other_lines_stay_and_equal_ones_are_one() -> None:
     lines = ["the map is not metric", "camera a: one thing", "joint a: one thing", "the map is not metric"]
     assert merge_lines(lines) == lines[:3]

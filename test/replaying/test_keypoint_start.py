@@ -12,6 +12,7 @@ from bodycam_ros.cli.main import main
 from bodycam_ros.formats.keypoints import JOINTS
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.results.solved_recording import read_solved
+from bodycam_ros.static_cameras import blazepose
 
 KINDS = {"Shoulder": "upper_arm", "Elbow": "forearm", "Hip": "thigh", "Knee": "shin", "Ankle": "foot"}
 COCO_ROW = {joint: 5 + row for row, joint in enumerate(JOINTS)}
@@ -54,6 +55,19 @@ def test_a_painted_person_is_followed_from_keypoints(
         ]
     )
     assert off.mean() < 0.02 and off.max() < 0.06
+
+
+def test_keypoints_that_no_detector_can_find_are_refused(
+    sample: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(blazepose, "find_spec", lambda name: None)
+    write_painted(dressed_body(sample), tmp_path)
+    files = ["--stations", str(tmp_path / "cameras.yaml"), "--start", str(tmp_path / "start.yaml")]
+    body = ["--body", str(sample / "body.yaml"), "-o", str(tmp_path / "out"), "--jobs", "1"]
+    assert main(["replay", str(tmp_path / "bag"), *body, *files, "--keypoints", "auto"]) == 1
+    assert blazepose.INSTALL in " ".join(capfd.readouterr().err.split())
+    assert not (tmp_path / "out").exists()
+    assert main(["replay", str(tmp_path / "bag"), *body, *files, "--keypoints", "none"]) in (0, 3)
 
 
 def test_keypoints_of_another_number_of_images_are_refused(

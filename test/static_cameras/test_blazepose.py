@@ -13,7 +13,8 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.keypoints import JOINTS
 from bodycam_ros.geometry import Array
 from bodycam_ros.static_cameras import blazepose
-from bodycam_ros.static_cameras.blazepose import LANDMARKS, PoseDetector, decode_boxes, suppress_boxes
+from bodycam_ros.static_cameras.blazepose import LANDMARKS, PoseDetector, Square, decode_boxes, suppress_boxes
+from bodycam_ros.static_cameras.detected_people import DetectedPeople
 
 HIPS, CIRCLE = 33, 34
 PICTURE = Path(__file__).parents[2] / "docs/outside.jpg"
@@ -84,6 +85,30 @@ def test_joints_that_are_not_in_the_image_have_no_score() -> None:
 
 def test_an_empty_image_has_nobody() -> None:
     assert PoseDetector(find_boxes, find_discs).detect(np.zeros((480, 640, 3), np.uint8)) == []
+
+
+@pytest.mark.parametrize("turn", [0.0, -2.5])
+def test_a_predicted_person_is_found_without_a_search(turn: float) -> None:
+    def search(image: NDArray[np.float32]) -> Mapping[tuple[int, ...], Array]:
+        raise AssertionError("the whole image is searched")
+
+    image, places = painted_person(turn, np.array([640.0, 430.0]), 260.0)
+    people = DetectedPeople(PoseDetector(search, find_discs))
+    predicted = places + np.random.default_rng(3).normal(0.0, 20.0, places.shape)
+    [person] = people.people("cam", 0, image, predicted)
+    assert np.linalg.norm(person[:, :2] - places, axis=1).max() < 1.5
+    assert people.people("cam", 0, np.zeros_like(image), predicted) == ()
+    predicted[LANDMARKS.index(23)] = np.nan
+    assert people.people("cam", 0, image, predicted) == (), "a hip is out of the lens's cone"
+
+
+def test_the_square_about_predicted_joints_has_all_of_them_and_the_head() -> None:
+    _, places = painted_person(0.4, np.array([640.0, 430.0]), 260.0)
+    square = Square.of_joints(places)
+    assert square is not None
+    reach = np.linalg.norm(square.up)
+    assert np.linalg.norm(places - square.centre, axis=1).max() < reach
+    assert np.linalg.norm(places[:2].mean(axis=0) - square.centre) < 0.6 * reach
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.formats.keypoints import JOINTS
 from bodycam_ros.geometry import exp_so3, inverse, transform_points
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
-from bodycam_ros.static_cameras.keypoint_evidence import SIGMA_M, AgreedKeypoints, KeypointEvidence
+from bodycam_ros.static_cameras.keypoint_evidence import SIGMA_M, AgreedKeypoints, KeypointEvidence, RecordedPeople
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
 
@@ -49,8 +49,9 @@ def person(dressed: DressedBody, camera: str, poses: Array, exchanged: bool = Fa
 
 def agreed(dressed: DressedBody, people: Mapping[str, list[Array]], near: Array) -> AgreedKeypoints:
     by_stamp = {camera: {STAMP_NS: group} for camera, group in people.items()}
-    evidence = KeypointEvidence(dressed.body, dressed.stations, JOINTS, by_stamp)
-    return evidence.agreed(dict.fromkeys(dressed.stations, STAMP_NS), near)
+    evidence = KeypointEvidence(dressed.body, dressed.stations, JOINTS, RecordedPeople(by_stamp))
+    blank = dict.fromkeys(dressed.stations, np.zeros((1, 1, 3), np.uint8))
+    return evidence.agreed(blank, dict.fromkeys(dressed.stations, STAMP_NS), near)
 
 
 def test_keypoints_are_where_the_joints_are(dressed: DressedBody, truth: Array) -> None:
@@ -81,6 +82,27 @@ def test_of_two_people_the_one_near_the_body_counts(dressed: DressedBody, truth:
     for near in (truth, other):
         found = agreed(dressed, people, near)
         np.testing.assert_allclose(found.places, near[found.segments, :3, 3], atol=1e-6)
+
+
+def test_a_detector_is_given_each_image_and_where_the_body_is_predicted(dressed: DressedBody, truth: Array) -> None:
+    images, asked = dressed.images(truth, 1.0, 0), {}
+
+    class Detector:
+        def people(self, camera: str, stamp_ns: int, image: NDArray[np.uint8], near: Array) -> list[Array]:
+            assert image is images[camera] and stamp_ns == STAMP_NS
+            asked[camera] = near
+            return [person(dressed, camera, truth)]
+
+    predicted = truth.copy()
+    predicted[:, :3, 3] += [0.1, 0.0, 0.0]
+    evidence = KeypointEvidence(dressed.body, dressed.stations, JOINTS, Detector())
+    found = evidence.agreed(images, dict.fromkeys(images, STAMP_NS), predicted)
+    np.testing.assert_allclose(found.places, truth[found.segments, :3, 3], atol=1e-6)
+    for camera, near in asked.items():
+        expected = person(dressed, camera, predicted)
+        known = expected[:, 2] > 0.0
+        np.testing.assert_allclose(near[known], expected[known, :2])
+        assert np.isnan(near[~known]).all()
 
 
 def test_nobody_near_and_one_camera_alone_measure_nothing(dressed: DressedBody, truth: Array) -> None:

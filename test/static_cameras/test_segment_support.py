@@ -7,11 +7,12 @@ from bodycam_ros.body.average_person import body_of_height
 from bodycam_ros.static_cameras.segment_support import SegmentSupport
 
 BODY = body_of_height(1.75, "anyone")
+ALIKE = np.full(len(BODY.segments), 0.8)
 
 
 def _lost(**support: float) -> set[str]:
     judged = SegmentSupport(BODY)
-    judged.update(np.array([support.get(segment, 0.8) for segment in BODY.segments]))
+    judged.update(np.array([support.get(segment, 0.8) for segment in BODY.segments]), ALIKE)
     return {segment for segment, is_lost in zip(BODY.segments, judged.false, strict=True) if is_lost}
 
 
@@ -34,16 +35,50 @@ def test_segment_that_the_first_images_hide_is_unseen_until_images_confirm_it() 
     judged, row = SegmentSupport(BODY), BODY.segment_index["forearm_right"]
     unseen = []
     for support in (np.nan, 0.5, *[0.9] * 10):
-        judged.update(np.where(np.arange(len(BODY.segments)) == row, support, 0.8))
+        judged.update(np.where(np.arange(len(BODY.segments)) == row, support, 0.8), ALIKE)
         unseen.append(set(np.flatnonzero(judged.unseen).tolist()))
     assert unseen[:4] == [{row}] * 4, "one image of ten confirms nothing"
     assert unseen[-1] == set()
 
 
+def _with(value: float, segment: str) -> np.ndarray:
+    return np.where(np.arange(len(BODY.segments)) == BODY.segment_index[segment], value, 0.8)
+
+
+def test_unseen_foot_that_is_unlike_the_other_is_not_confirmed_by_colours_of_its_own() -> None:
+    """It learned those of what it was placed on, and they support it there."""
+    judged, row = SegmentSupport(BODY), BODY.segment_index["foot_right"]
+    judged.update(_with(np.nan, "foot_right"), _with(np.nan, "foot_right"))
+    for _ in range(30):
+        judged.update(_with(0.7, "foot_right"), _with(0.4, "foot_right"))
+        assert judged.unseen[row]
+    for _ in range(10):
+        judged.update(_with(0.7, "foot_right"), _with(0.7, "foot_right"))
+    assert not judged.unseen.any() and not judged.unlike.any()
+    for _ in range(10):
+        judged.update(_with(0.7, "foot_right"), _with(0.2, "foot_right"))
+    assert np.flatnonzero(judged.unlike).tolist() == [row], "it was lost since"
+
+
+def test_unseen_foot_is_confirmed_by_fewer_colours_where_one_side_is_in_the_shade() -> None:
+    judged, row, shade = SegmentSupport(BODY), BODY.segment_index["foot_right"], np.full(len(BODY.segments), 0.4)
+    judged.update(_with(np.nan, "foot_right"), shade)
+    for _ in range(10):
+        judged.update(_with(0.7, "foot_right"), shade)
+    assert not judged.unseen[row] and not judged.unlike[row]
+
+
+def test_feet_in_different_light_that_the_first_images_show_are_not_unlike() -> None:
+    judged = SegmentSupport(BODY)
+    for _ in range(30):
+        judged.update(_with(0.6, "foot_right"), _with(0.15, "foot_right"))
+    assert not judged.unlike.any() and not judged.unseen.any()
+
+
 def test_segment_that_is_hidden_later_is_not_unseen() -> None:
     judged = SegmentSupport(BODY)
-    judged.update(np.full(len(BODY.segments), 0.8))
-    judged.update(np.full(len(BODY.segments), np.nan))
+    judged.update(ALIKE, ALIKE)
+    judged.update(np.full(len(BODY.segments), np.nan), ALIKE)
     assert not judged.unseen.any()
 
 

@@ -14,7 +14,7 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_se3, exp_so3, inverse, log_se3, quaternion_xyzw
-from bodycam_ros.static_cameras.start_file import read_start, start_poses
+from bodycam_ros.static_cameras.start_file import AUTO, NONE, StaticCameraFiles, read_start, start_poses
 
 NOISE = np.repeat([np.radians(6.0), 0.03], 3) / np.sqrt(3.0)
 
@@ -104,6 +104,19 @@ def test_what_is_wrong_is_said_with_file_and_segment(
     path = written(document)
     with naming(BodyError, path, *named):
         read_start(path, body)
+
+
+@pytest.mark.parametrize(
+    ("start", "keypoints", "counting"),
+    [
+        (AUTO, None, AUTO), (AUTO, NONE, None), (AUTO, Path("pose"), Path("pose")), (Path("start.yaml"), None, None),
+        (Path("start.yaml"), AUTO, AUTO), (None, Path("pose"), Path("pose")),
+    ],
+)  # fmt: skip
+def test_a_detected_start_has_detected_keypoints_unless_others_or_none_are_given(
+    start: Path | None, keypoints: Path | None, counting: Path | None
+) -> None:
+    assert StaticCameraFiles(Path("cameras.yaml"), start=start, keypoints=keypoints).evidence == counting
 
 
 def test_without_noise_the_body_is_where_it_was_placed(body: BodyModel, rng: np.random.Generator) -> None:
