@@ -36,7 +36,10 @@ def write_character(motion: SampledMotion, options: MotionOptions) -> bytes:
     assert options.character is not None
     character = read_character(options.character, options.bones)
     turned, root = retargeted(motion, character)
-    return _written(motion, character, turned, root)
+    try:
+        return _written(motion, character, turned, root)
+    except (ValueError, TypeError) as error:
+        raise BodyError(f"{character.path}: cannot write this character again: {error}") from error
 
 
 def retargeted(motion: SampledMotion, character: Character) -> tuple[dict[int, Array], Array]:
