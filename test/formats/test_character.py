@@ -160,13 +160,15 @@ def test_the_list_of_a_vrm_of_version_0_is_read() -> None:
     assert vrm_bones({"extensions": {"VRM": {"humanoid": {"humanBones": listed}}}}) == {"thigh_left": 4, "head": 2}
 
 
-def test_a_body_of_one_leg_moves_what_it_has(walk: Walk, tmp_path: Path) -> None:
+def test_a_body_of_one_leg_moves_what_it_has_and_arms_hang(walk: Walk, tmp_path: Path) -> None:
     exported = Exported.of(write_solved(walk, tmp_path / "out"), tmp_path)
     read, names = follow(exported, Build("mixamo")), bone_names("mixamo")
     thigh = read.places(names["shin left"]) - read.places(names["thigh left"])
     assert angle_deg(thigh, exported.places("shin_left") - exported.places("thigh_left")).max() < 10.0
     moved = {read.file.nodes[node].name for node, path in read.keys if path == "rotation"}
     assert names["thigh left"] in moved and names["thigh right"] not in moved
+    arm = read.places(names["hand right"]) - read.places(names["arm right"])
+    assert angle_deg(arm, -exported.solved.world_T_link["torso"][:, :3, 2]).max() < 10.0
 
 
 def own_ancestor(content: bytes) -> bytes:
