@@ -31,6 +31,7 @@ _CHAINS = tuple(
 )
 _ANKLE = 0.19  # above the sole, in lengths of a shin, where the skin does not tell
 _HIGHEST_ANKLE = 0.5  # the same: a skin that ends so far below the ankle has something else that hangs
+_LARGEST = 1e9  # of a node's numbers
 _SHORTEST_M, _LONGEST_M = 0.01, 20.0  # of a leg
 
 
@@ -100,6 +101,8 @@ def read_character(path: Path, table: Path | None) -> Character:
 
 def _character(path: Path, document: Any, binary: bytes, table: Path | None) -> Character:
     nodes: Sequence[Mapping[str, Any]] = document["nodes"]
+    if not isinstance(document["asset"], dict) or "uri" in document["buffers"][0]:
+        raise ValueError("its first buffer is in another file, or it is no glTF")
     if not document.get("skins"):
         raise BodyError(f"{path}: has no skin, so no bones move it; expected a rigged character")
     if len(nodes) > _MOST_NODES:
@@ -163,12 +166,19 @@ def _path_up(node: int, parents: Sequence[int]) -> list[int]:
 def _local(node: Mapping[str, Any]) -> Array:
     """Pose with scale (4, 4) of a node in its parent."""
     if "matrix" in node:
-        return np.reshape(np.array(node["matrix"], np.float64), (4, 4)).T
+        return _numbers(node["matrix"], 16).reshape(4, 4).T
     T = np.eye(4)
-    R = rotation_from_xyzw(np.array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), np.float64))
-    T[:3, :3] = R * np.array(node.get("scale", (1.0, 1.0, 1.0)), np.float64)
-    T[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
+    rotation = rotation_from_xyzw(_numbers(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), 4))
+    T[:3, :3] = rotation * _numbers(node.get("scale", (1.0, 1.0, 1.0)), 3)
+    T[:3, 3] = _numbers(node.get("translation", (0.0, 0.0, 0.0)), 3)
     return T
+
+
+def _numbers(given: Any, count: int) -> Array:
+    values = np.array(given, np.float64)
+    if values.shape != (count,) or not (np.abs(values) < _LARGEST).all():
+        raise ValueError(f"a node has a place, rotation, scale or matrix other than {count} numbers below {_LARGEST:g}")
+    return values
 
 
 def _bind_poses(document: Any, binary: bytes, world: Array) -> dict[int, Array]:

@@ -21,6 +21,7 @@ from bodycam_ros.geometry import Array, exp_so3, log_so3, quaternion_xyzw
 _SCENE_R_OURS = UP_AXES["y"]  # glTF's axes
 _STRETCHED = 0.9995  # share of a leg's length beyond which the hips come down to the ankle
 _FORWARD = 0.1  # how much a straight knee prefers to bend forward
+_ARM_OUT = 0.12  # how far arms that hang are away from the body, as a slope
 _SIDES = (LEFT, RIGHT)
 
 
@@ -36,7 +37,10 @@ def write_character(motion: SampledMotion, options: MotionOptions) -> bytes:
     assert options.character is not None
     character = read_character(options.character, options.bones)
     turned, root = retargeted(motion, character)
-    return _written(motion, character, turned, root)
+    try:
+        return _written(motion, character, turned, root)
+    except (ValueError, TypeError) as error:
+        raise BodyError(f"{character.path}: cannot write this character again: {error}") from error
 
 
 def retargeted(motion: SampledMotion, character: Character) -> tuple[dict[int, Array], Array]:
@@ -57,6 +61,11 @@ def retargeted(motion: SampledMotion, character: Character) -> tuple[dict[int, A
     middle = np.mean([hips[side] for side in _SIDES], axis=0)
     by_bone = {character.bones[segment]: turn for segment, turn in turns.items()}
     below = turns["pelvis"]
+    for side, outward in zip(_SIDES, (_ARM_OUT, -_ARM_OUT), strict=True):
+        if f"upper_arm{side}" not in turns:  # arms that nobody measured hang
+            arm = character.place(f"forearm{side}") - character.place(f"upper_arm{side}")
+            hanging = _swing(arm, np.array([0.0, outward, -1.0]))
+            by_bone[character.bones[f"upper_arm{side}"]] = turns.get("torso", below) @ hanging
     for number, bone in enumerate(character.spine, start=1):
         if "torso" in turns:
             by_bone[bone] = _between(below, turns["torso"], number / len(character.spine))

@@ -34,11 +34,15 @@ def glb_chunks(content: bytes) -> tuple[Any, bytes]:
         if len(part) < length:
             raise ValueError(f"it ends {length - len(part)} bytes too early")
         if kind == _JSON:
-            document = json.loads(part)
+            document = json.loads(part, parse_constant=_refuse_constant)
         elif kind == _BINARY and not binary:
             binary = part
         at += 8 + length
     return document, binary
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"it has {name} in place of a number")
 
 
 def accessor_values(document: Any, buffers: Sequence[bytes], number: int) -> Array:
@@ -56,13 +60,16 @@ def accessor_values(document: Any, buffers: Sequence[bytes], number: int) -> Arr
     start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     stride = view.get("byteStride", 0) or dtype.itemsize * width
     content = buffers[view.get("buffer", 0)]
+    if not isinstance(count, int):
+        raise ValueError(f"its numbers {number} are not so many: {count!r}")
     needed = start + stride * (count - 1) + dtype.itemsize * width
     if not 0 < count or not 0 <= start or needed > len(content) or stride < dtype.itemsize * width:
         raise ValueError(f"its numbers {number} are not in its buffer")
     rows = np.lib.stride_tricks.as_strided(
         np.frombuffer(content, np.uint8, offset=start), (count, dtype.itemsize * width), (stride, 1)
     )
-    values = np.ascontiguousarray(rows).view(dtype).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # what is no number is refused below
+        values = np.ascontiguousarray(rows).view(dtype).astype(np.float64)
     if dtype.kind in "iu":
         values = np.maximum(values / np.iinfo(dtype).max, -1.0)  # normalised, as animations have them
     if not np.isfinite(values).all():
@@ -111,8 +118,12 @@ def continuous_quaternions(quaternions: NDArray[np.float64]) -> NDArray[np.float
 
 
 def glb_content(document: dict[str, Any], binary: bytes) -> bytes:
-    """A GLB of a document and its binary."""
-    text = json.dumps(document, separators=(",", ":")).encode()
+    """A GLB of a document and its binary.
+
+    Raises:
+        ValueError: a number in the document is not finite.
+    """
+    text = json.dumps(document, separators=(",", ":"), allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
     binary += bytes(-len(binary) % 4)
     chunks = struct.pack("<II", len(text), _JSON) + text + struct.pack("<II", len(binary), _BINARY) + binary

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.cli.main import main
+from bodycam_ros.formats.character_bones import named_bones, vrm_bones
 from bodycam_ros.geometry import transform_points
 from bodycam_ros.results.stances import find_stances
 
@@ -139,13 +140,35 @@ def test_bones_of_unknown_names_are_named_in_a_table(exported: Exported, capsys:
     assert "thigh_left: the character has no bone 'Lb9'" in " ".join(capsys.readouterr().err.split())
 
 
-def test_a_body_of_one_leg_moves_what_it_has(walk: Walk, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "segment"),
+    [
+        ("mixamorig:LeftUpLeg", "thigh_left"), ("mixamorig1_RightForeArm", "forearm_right"),
+        ("LeftToeBase", "toe_left"),
+        ("calf_r", "shin_right"), ("upperarm_twist_01_l", None), ("clavicle_l", None), ("ball_l", "toe_left"),
+        ("DEF-upper_arm.R", "upper_arm_right"), ("spine.006", "head"), ("foot_ik.L", None), ("lfemur", "thigh_left"),
+        ("lhipjoint", None), ("rradius", "forearm_right"), ("Bip001 L Thigh", "thigh_left"), ("Bip01 Head", "head"),
+        ("ValveBiped.Bip01_L_Calf", "shin_left"), ("J_Bip_R_LowerLeg", "shin_right"), ("LeftHandThumb1", None),
+    ],
+)  # fmt: skip
+def test_bones_are_known_by_names_of_many_programs(name: str, segment: str | None) -> None:
+    assert named_bones([{"name": name}], [0]) == ({} if segment is None else {segment: 0})
+
+
+def test_the_list_of_a_vrm_of_version_0_is_read() -> None:
+    listed = [{"bone": "leftUpperLeg", "node": 4}, {"bone": "head", "node": 2}, {"bone": "leftEye", "node": 7}]
+    assert vrm_bones({"extensions": {"VRM": {"humanoid": {"humanBones": listed}}}}) == {"thigh_left": 4, "head": 2}
+
+
+def test_a_body_of_one_leg_moves_what_it_has_and_arms_hang(walk: Walk, tmp_path: Path) -> None:
     exported = Exported.of(write_solved(walk, tmp_path / "out"), tmp_path)
     read, names = follow(exported, Build("mixamo")), bone_names("mixamo")
     thigh = read.places(names["shin left"]) - read.places(names["thigh left"])
     assert angle_deg(thigh, exported.places("shin_left") - exported.places("thigh_left")).max() < 10.0
     moved = {read.file.nodes[node].name for node, path in read.keys if path == "rotation"}
     assert names["thigh left"] in moved and names["thigh right"] not in moved
+    arm = read.places(names["hand right"]) - read.places(names["arm right"])
+    assert angle_deg(arm, -exported.solved.world_T_link["torso"][:, :3, 2]).max() < 10.0
 
 
 def own_ancestor(content: bytes) -> bytes:
@@ -161,6 +184,9 @@ def own_ancestor(content: bytes) -> bytes:
         (lambda content: content[:-200], "ends"),
         (lambda content: content.replace(b'"skins"', b'"skims"'), "has no skin"),
         (lambda content: own_ancestor(content), "its own ancestor"),
+        (lambda content: content.replace(b'"rotation": [0.', b'"rotation": [NaN, 0.'), "NaN in place of a number"),
+        (lambda content: content.replace(b'"rotation": [0.', b'"rotation": [9e'), "other than 4 numbers"),
+        (lambda content: content.replace(b'"asset": {', b'"assets": {'), "part is missing"),
         (lambda content: content.replace(b'"inverseBindMatrices": 3', b'"inverseBindMatrices": 9'), "part is missing"),
     ],
 )  # fmt: skip
