@@ -111,7 +111,7 @@ $(VENV)/python.stamp:
 $(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py $(KERNELS)
 	@command -v cc >/dev/null && $(BIN)/python -c 'import os, sysconfig; os.stat(sysconfig.get_path("include") + "/Python.h")' 2>/dev/null || \
 		{ echo "compiling the kernels needs a C compiler and Python's headers: sudo apt install build-essential python3-dev" >&2; exit 1; }
-	$(SYNC) --reinstall-package bodycam_ros
+	$(SYNC) --extra film --reinstall-package bodycam_ros
 	$(BIN)/python -m compileall -q bodycam_ros
 	@touch $@
 
