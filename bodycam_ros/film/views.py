@@ -1,0 +1,87 @@
+"""Where a film is seen from: views from outside that move with the person, and their lens."""
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from bodycam_ros.camera import CameraModel
+from bodycam_ros.geometry import Array, rigid
+
+FOLLOW, ORBIT, FIXED = "follow", "orbit", "fixed"
+OUTSIDE = (FOLLOW, ORBIT, FIXED)
+"""Views from outside: beside the person, around them, and from one place that sees all of the motion."""
+
+_FIELD_OF_VIEW = float(np.radians(32.0))  # from top to bottom
+_FILLED = 0.62  # of the height, by the person
+_TURN = np.radians(40.0)  # from the front towards the body's left: limbs of both sides stay apart
+_ELEVATION = np.radians(9.0)
+_SMOOTHED_S = 1.4  # the view follows the mean of the path over this time
+_ORBIT_RATE = np.radians(18.0)  # [rad/s], or faster where the film is short
+_LEAST_ORBIT = np.radians(100.0)  # in the whole film
+_MARGIN_M = 0.5  # of a fixed view, around the motion
+
+
+def outside_lens(width: int, height: int) -> CameraModel:
+    """A lens without distortion for pictures of a size [px]."""
+    focal = 0.5 * height / float(np.tan(0.5 * _FIELD_OF_VIEW))
+    middle = 0.5 * (width - 1), 0.5 * (height - 1)
+    return CameraModel("outside", width, height, focal, focal, *middle, (0.0,) * 5, "plumb_bob")
+
+
+def outside_poses(kind: str, seconds: Array, roots: Array, low: Array, high: Array, aspect: float) -> Array:
+    """Poses world_T_camera (F, 4, 4) of a view from outside [m].
+
+    Args:
+        kind: one of ``OUTSIDE``.
+        seconds: (F,) evenly spaced times.
+        roots: (F, 4, 4) poses of the person's root, whose x is forward [m].
+        low, high: (F, 3) corners of a box around the person [m].
+        aspect: width of the picture over its height.
+    """
+    step_s = (seconds[-1] - seconds[0]) / max(1, len(seconds) - 1)
+    middles = 0.5 * (low + high)
+    middles[:, 2] = np.median(middles[:, 2])
+    size = float(np.median(high[:, 2] - low[:, 2]))
+    forward = roots[:, :3, 0].mean(axis=0)
+    azimuth = np.full(len(seconds), np.arctan2(forward[1], forward[0]) + _TURN)
+    if kind == FIXED:
+        first, last = low.min(axis=0), high.max(axis=0)
+        middles = np.broadcast_to(0.5 * (first + last), middles.shape)
+        across = float(np.linalg.norm((last - first)[:2])) + _MARGIN_M
+        size = max(size, across / aspect, float(last[2] - first[2]))
+    else:
+        window = max(1, round(_SMOOTHED_S / step_s)) if step_s else 1
+        middles = uniform_filter1d(middles, window, axis=0, mode="nearest")
+    if kind == ORBIT:
+        azimuth -= (seconds - seconds[0]) * max(_ORBIT_RATE, _LEAST_ORBIT / max(1e-3, seconds[-1] - seconds[0]))
+    distance = size / _FILLED / (2.0 * np.tan(0.5 * _FIELD_OF_VIEW))
+    level = np.cos(_ELEVATION) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
+    away = np.column_stack([level, np.full(len(level), np.sin(_ELEVATION))])
+    return np.stack([looking_at(middle + distance * one, middle) for middle, one in zip(middles, away, strict=True)])
+
+
+def looking_at(position: Array, look_at: Array) -> Array:
+    """(4, 4) pose of a camera's optical frame (x right, y down, z ahead) at a point (3,), z of the world up [m]."""
+    ahead = (look_at - position) / np.linalg.norm(look_at - position)
+    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    pose: Array = rigid(np.stack([right, np.cross(ahead, right), ahead], axis=1), position)
+    return pose
+
+
+def fitted_lens(lens: CameraModel, width: int, height: int) -> CameraModel:
+    """The lens of a picture of a size [px] that the image of another lens is scaled into, in the middle of it."""
+    scale = min(width / lens.width, height / lens.height)
+    inner_width, inner_height = round(lens.width * scale), round(lens.height * scale)
+    left, top = (width - inner_width) // 2, (height - inner_height) // 2
+    x, y = inner_width / lens.width, inner_height / lens.height
+    return CameraModel(
+        lens.name,
+        width,
+        height,
+        lens.fx * x,
+        lens.fy * y,
+        (lens.cx + 0.5) * x - 0.5 + left,
+        (lens.cy + 0.5) * y - 0.5 + top,
+        lens.distortion,
+        lens.distortion_model,
+    )

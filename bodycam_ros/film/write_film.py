@@ -1,0 +1,163 @@
+"""A film of a solved body, or one picture of it."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from bodycam_ros.body.stick_figure import body_bones
+from bodycam_ros.errors import OutputError
+from bodycam_ros.files.whole_file import whole_file
+from bodycam_ros.film.character import Character, PosedMesh
+from bodycam_ros.film.frames import EvenFrames, Frames, RecordedFrames
+from bodycam_ros.film.picture import Image, PictureMaker
+from bodycam_ros.film.place import Place
+from bodycam_ros.film.shots import CameraShots, OutsideShots, PhotographShots, Shots, letterboxed, split_view
+from bodycam_ros.film.views import OUTSIDE
+from bodycam_ros.formats.static_cameras_file import read_static_cameras
+from bodycam_ros.geometry import Array
+from bodycam_ros.progress import Progress
+from bodycam_ros.recording.time_span import TimeSpan
+from bodycam_ros.recording.video_encoder import video_writer
+from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.body_motion import interpolated, nearest_rows
+from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
+from bodycam_ros.results.solved_part import part_of
+
+PICTURE = ".png"
+"""Ending of a file that one picture is written to, that of the first time."""
+
+
+@dataclass(frozen=True)
+class FilmRequest:
+    """What to film.
+
+    Attributes:
+        solved: the bag that a replay wrote.
+        view: one of ``OUTSIDE``, ``camera:NAME`` or ``photo:NAME``.
+        map_path: of the place.
+        recording: bag with the images of cameras.
+        static_cameras: their file.
+        photographs: folder of the map's photographs as they were taken; without it, as small as the map has them.
+        beside: the camera whose images are shown beside the film.
+        size: width and height [px].
+        rate_hz: frames a second, where they are not those of a camera.
+        span: part of the recording.
+    """
+
+    solved: Path
+    view: str
+    map_path: Path | None = None
+    recording: Path | None = None
+    static_cameras: Path | None = None
+    photographs: Path | None = None
+    beside: str | None = None
+    size: tuple[int, int] = (1920, 1080)
+    rate_hz: float = 30.0
+    span: TimeSpan = TimeSpan()
+
+
+def write_film(request: FilmRequest, path: Path, progress: Progress, note: Callable[[str], None]) -> int:
+    """Write a film as MP4 (H.264), or one picture as PNG, whole or not at all; return the number of frames.
+
+    Args:
+        request: what to film.
+        path: the file to write.
+        progress: of the frames.
+        note: is called with a sentence on what is left out of the film.
+
+    Raises:
+        ViewError: the view is unknown, or lacks what it is seen by.
+        RecordingError, MapError, BodyError: a file is damaged, or does not fit the others.
+        OutputError: the film cannot be written.
+    """
+    solved = part_of(read_solved_body(request.solved), request.span)
+    reference_map = None if request.map_path is None else ReferenceMap.load(request.map_path)
+    kind, name = split_view(request.view)
+    frames = _frames(request, solved, kind, name)
+    motion = FilmedMotion(solved, frames)
+    place = Place.around(reference_map, motion.boxes[:, 0, 2])
+    width, height = request.size
+    size = (width // 2, height) if request.beside is not None else (width, height)
+    shots: Shots
+    if kind in OUTSIDE:
+        shots = OutsideShots(kind, motion.seconds, motion.roots, motion.boxes, size)
+    elif kind == "photo":
+        shots = PhotographShots(name, request.map_path, reference_map, request.photographs, size)
+    else:
+        assert isinstance(frames, RecordedFrames)
+        stations = {} if request.static_cameras is None else read_static_cameras(request.static_cameras, reference_map)
+        shots = CameraShots(frames, solved, motion.world_T_segment, stations.get(name), size)
+    maker = PictureMaker(shots.lens, place)
+    hides = kind not in OUTSIDE and maker.is_dense(shots.pose(0))
+    if kind not in OUTSIDE and not hides:
+        note("the map has too few points in this view to say what is before the person: nothing hides the person")
+    is_picture = path.suffix.lower() == PICTURE
+    count = 1 if is_picture else len(frames.stamps_ns)
+    with (
+        whole_file(path) as unfinished,
+        progress.step(path.name, count) as advance,
+        _picture_writer(unfinished) if is_picture else video_writer(unfinished, frames.rate_hz) as write,
+    ):
+        for row, image in zip(range(count), frames.images(), strict=False):
+            picture = maker.draw(motion.mesh(row), shots.pose(row), shots.background(image), hidden=hides)
+            if request.beside is not None and image is not None:
+                picture = np.hstack([picture, letterboxed(image, (width - size[0], height))])
+            write(float(motion.seconds[row]), picture)
+            advance()
+    return count
+
+
+class FilmedMotion:
+    """The person at the frames of a film.
+
+    Attributes:
+        seconds: (F,) since the first frame.
+        world_T_segment: (F, S, 4, 4) [m].
+        roots: (F, 4, 4) pose of the root [m].
+        boxes: (F, 2, 3) corners of a box around the person [m].
+    """
+
+    def __init__(self, solved: SolvedBody, frames: Frames) -> None:
+        self._body = solved.body
+        self._character = Character(solved.body)
+        stamps_ns = frames.stamps_ns
+        self.seconds: Array = (stamps_ns - stamps_ns[0]) * 1e-9
+        poses = np.moveaxis(solved.world_T_segment, 1, 0)
+        at = [interpolated(solved.stamps_ns, each, stamps_ns) if len(solved.stamps_ns) > 1 else each for each in poses]
+        self.world_T_segment: Array = np.stack(at, axis=1)
+        self._placed = solved.placed[nearest_rows(solved.stamps_ns, stamps_ns)] if len(solved.stamps_ns) > 1 else solved.placed
+        self.roots: Array = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
+        self.boxes: Array = np.array([self._box(row) for row in range(len(stamps_ns))])
+
+    def mesh(self, row: int) -> PosedMesh:
+        """The person, with equipment where its pose is known, at a frame."""
+        poses = self.world_T_segment[row]
+        bones = [bone for bone in body_bones(self._body, poses) if bone.is_equipment] if self._placed[row] else []
+        return self._character.posed(poses, bones)
+
+    def _box(self, row: int) -> Array:
+        vertices = self.mesh(row).vertices
+        return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+
+
+def _frames(request: FilmRequest, solved: SolvedBody, kind: str, name: str) -> Frames:
+    if kind == "camera":
+        return RecordedFrames(request.recording, solved, name, f"--view {request.view}")
+    if request.beside is not None:
+        return RecordedFrames(request.recording, solved, request.beside, f"--beside {request.beside}")
+    return EvenFrames(solved, request.rate_hz)
+
+
+@contextmanager
+def _picture_writer(path: Path) -> Iterator[Callable[[float, Image], None]]:
+    def write(seconds: float, picture: Image) -> None:
+        done, data = cv2.imencode(PICTURE, picture)
+        if not done:
+            raise OutputError(f"{path}: the picture cannot be encoded")
+        path.write_bytes(data.tobytes())
+
+    yield write
