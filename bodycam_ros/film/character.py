@@ -15,7 +15,19 @@ from bodycam_ros.body.surface import Faces, join_meshes
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.picture_style import EQUIPMENT, rgb
 
-_SKIN, _SHIRT, _TROUSERS, _SHOES = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd"
+GAMMA = 2.2
+"""Exponent from values of a picture to light."""
+
+
+def linear(colour: str) -> tuple[float, ...]:
+    """Red, green and blue, linear in light, 0 to 1, of ``#rrggbb``."""
+    return tuple((value / 255.0) ** GAMMA for value in rgb(colour))
+
+
+_SKIN, _SHIRT, _TROUSERS, _SHOES, _TUBES = range(5)
+PALETTE = np.array([linear(each) for each in ("#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", EQUIPMENT)], np.float32)
+"""(C, 3) colours of skin, shirt, trousers, shoes and equipment, linear in light."""
+
 _CLOTHES = {
     "head": _SKIN, "hand": _SKIN, "forearm": _SKIN,
     "torso": _SHIRT, "upper_arm": _SHIRT,
@@ -35,12 +47,12 @@ class PosedMesh:
     Attributes:
         vertices: (V, 3) in the world [m].
         triangles: (T, 3) rows of them, counter-clockwise as seen from outside.
-        colours: (V, 3) red, green and blue, linear in light, 0 to 1.
+        shares: (V, C) how much of each vertex each colour of ``PALETTE`` has; the largest is seen.
     """
 
     vertices: NDArray[np.float32]
     triangles: Faces
-    colours: NDArray[np.float32]
+    shares: NDArray[np.float32]
 
 
 class Character:
@@ -52,20 +64,18 @@ class Character:
 
     def __init__(self, body: BodyModel) -> None:
         self._skin = skinned_body(body)
-        segments = _segment_of_vertices(self._skin, len(body.segments))
-        kinds = [SegmentName(name).kind for name in body.segments]
-        palette = np.array([linear(_CLOTHES.get(kind, _SHIRT)) for kind in kinds], np.float32)
-        self._colours = palette[segments]
+        clothes = np.array([_CLOTHES.get(SegmentName(name).kind, _SHIRT) for name in body.segments])
+        self._shares = _segment_shares(self._skin, len(body.segments)) @ np.eye(len(PALETTE), dtype=np.float32)[clothes]
 
     def posed(self, segment_poses: Array, equipment: Sequence[Bone] = ()) -> PosedMesh:
         """The person at poses world_T_segment (S, 4, 4) [m], with lines of equipment at the same one time."""
         meshes = [(self._skin.posed(segment_poses), self._skin.triangles.astype(np.int32))]
         meshes += [tube(bone.start[0], bone.end[0]) for bone in equipment if _length(bone) > _SHORTEST_M]
         vertices, triangles = join_meshes(meshes)
-        colours = np.empty((len(vertices), 3), np.float32)
-        colours[: len(self._colours)] = self._colours
-        colours[len(self._colours) :] = linear(EQUIPMENT)
-        return PosedMesh(vertices.astype(np.float32), triangles, colours)
+        shares = np.zeros((len(vertices), len(PALETTE)), np.float32)
+        shares[: len(self._shares)] = self._shares
+        shares[len(self._shares) :, _TUBES] = 1.0
+        return PosedMesh(vertices.astype(np.float32), triangles, shares)
 
 
 def tube(start: Array, end: Array) -> tuple[Array, Faces]:
@@ -73,28 +83,14 @@ def tube(start: Array, end: Array) -> tuple[Array, Faces]:
     return limb_mesh(start, end, [Ball(0.0, _TUBE_M), Ball(1.0, _TUBE_M)], np.array([0.0, 0.0, 1.0]))
 
 
-def linear(colour: str) -> tuple[float, ...]:
-    """Red, green and blue, linear in light, 0 to 1, of ``#rrggbb``."""
-    return tuple((value / 255.0) ** GAMMA for value in rgb(colour))
-
-
-GAMMA = 2.2
-"""Exponent from values of a picture to light."""
-
-
-def _segment_of_vertices(skin: SkinnedSurface, segments: int) -> NDArray[np.intp]:
-    """(V,) the segment that moves each vertex most; half bones count for both that they are between."""
-    shares = np.zeros((len(skin.vertices), segments))
-    rows = np.arange(len(skin.vertices))
-    for bone, weight in zip(skin.joints.T, skin.weights.T, strict=True):
-        is_half = bone >= segments
-        owner = np.where(is_half, 0, bone)
-        np.add.at(shares, (rows, owner), np.where(is_half, 0.0, weight))
-        if len(skin.halves):
-            pair = skin.halves[np.where(is_half, bone - segments, 0)]
-            for side in range(2):
-                np.add.at(shares, (rows, pair[:, side]), np.where(is_half, 0.5 * weight, 0.0))
-    return shares.argmax(axis=1)
+def _segment_shares(skin: SkinnedSurface, segments: int) -> NDArray[np.float32]:
+    """(V, S) how much each segment moves each vertex; half bones count for both that they are between."""
+    by_bone = np.zeros((len(skin.vertices), segments + len(skin.halves)), np.float32)
+    np.add.at(by_bone, (np.arange(len(by_bone))[:, None], skin.joints), skin.weights)
+    shares = by_bone[:, :segments].copy()
+    for pair, half in zip(skin.halves, by_bone[:, segments:].T, strict=True):
+        shares[:, pair] += 0.5 * half[:, None]
+    return shares
 
 
 def _length(bone: Bone) -> float:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.film.character import PosedMesh
+from bodycam_ros.film.character import PALETTE, PosedMesh
 from bodycam_ros.film.ray_scene import Floats, RayScene, free_share, vertex_normals
 
 _SUN_FROM = np.array([0.35, 0.55, 1.0])
@@ -42,7 +42,7 @@ class LitMesh:
         weights = shares[..., None]
         normals = (self.normals[corners] * weights).sum(axis=1)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.float32(1e-6))
-        albedo = (self.mesh.colours[corners] * weights).sum(axis=1)
+        albedo = PALETTE[(self.mesh.shares[corners] * weights).sum(axis=1).argmax(axis=1)]
         sun, sky = (self.sun[corners] * shares).sum(axis=1), (self.sky[corners] * shares).sum(axis=1)
         toward = SUN.astype(np.float32)
         direct = sun * np.maximum(normals @ toward, 0.0)

@@ -24,7 +24,8 @@ _SAMPLES = 12  # of a pixel at an edge
 _JUMP_M = 0.03  # of the distance between neighbouring pixels, at an edge
 _AHEAD_M = 0.06  # of a mapped surface before what it hides
 _DENSE = 0.5  # of the picture covered by mapped surfaces: with less they hide nothing
-_POINT_M, _SMALLEST_PX, _LARGEST_PX = 0.011, 0.7, 6.0  # radius of a point
+_POINT_M, _SMALLEST_PX, _LARGEST_PX = 0.008, 1.1, 4.5  # radius of a point
+_PALE, _PALE_FAR = 0.2, 0.65  # how much of the horizon's colour a point has, near and far: the person stands out
 _NEAR = 0.75  # of the person's distance: nearer points would hide the person, and are left out
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 
@@ -120,9 +121,12 @@ class PictureMaker:
         valid &= (points[:, 2] > _NEAR * distance) & self.lens.in_image(pixels)
         order = np.flatnonzero(valid)[np.argsort(-points[valid, 2])]
         radii = np.clip(self.lens.fx * _POINT_M / points[order, 2], _SMALLEST_PX, _LARGEST_PX)
+        away = np.clip((points[order, 2] - distance) / _FADE_M[1], 0.0, 1.0)
+        pale = (_PALE + (_PALE_FAR - _PALE) * away)[:, None]
+        shades = np.round(colours[order] * (1.0 - pale) + _HORIZON * pale).astype(int).tolist()
         fixed = np.round(pixels[order] * (1 << _SHIFT)).astype(int).tolist()
         sizes = np.round(radii * (1 << _SHIFT)).astype(int).tolist()
-        for centre, radius, colour in zip(fixed, sizes, colours[order].tolist(), strict=True):
+        for centre, radius, colour in zip(fixed, sizes, shades, strict=True):
             cv2.circle(picture, centre, radius, colour, -1, cv2.LINE_AA, _SHIFT)
 
     def _darken(
