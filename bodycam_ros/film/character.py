@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array, eye_array
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.limb_mesh import Ball, limb_mesh
@@ -38,6 +39,7 @@ _CLOTHES = {
 
 _TUBE_M = 0.014
 _SHORTEST_M = 1e-3
+_SMOOTHINGS = 12  # of the borders of garments over neighbouring vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,9 @@ class Character:
         self._skin = skinned_body(body)
         clothes = np.array([_CLOTHES.get(SegmentName(name).kind, _SHIRT) for name in body.segments])
         self._shares = _segment_shares(self._skin, len(body.segments)) @ np.eye(len(PALETTE), dtype=np.float32)[clothes]
+        neighbours = _neighbours(self._skin)
+        for _ in range(_SMOOTHINGS):
+            self._shares = neighbours @ self._shares
 
     def posed(self, segment_poses: Array, equipment: Sequence[Bone] = ()) -> PosedMesh:
         """The person at poses world_T_segment (S, 4, 4) [m], with lines of equipment at the same one time."""
@@ -91,6 +96,17 @@ def _segment_shares(skin: SkinnedSurface, segments: int) -> NDArray[np.float32]:
     for pair, half in zip(skin.halves, by_bone[:, segments:].T, strict=True):
         shares[:, pair] += 0.5 * half[:, None]
     return shares
+
+
+def _neighbours(skin: SkinnedSurface) -> csr_array:
+    """(V, V) that means each vertex with those beside it."""
+    count, faces = len(skin.vertices), skin.triangles
+    pairs = np.concatenate(
+        [faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]
+    )  # of a closed mesh: each edge both ways
+    beside = csr_array((np.ones(len(pairs), np.float32), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    beside += eye_array(count, dtype=np.float32)
+    return csr_array(diags_array(1.0 / beside.sum(axis=1)) @ beside)
 
 
 def _length(bone: Bone) -> float:

@@ -125,7 +125,8 @@ def _sun_directions() -> NDArray[np.float64]:
     across = np.cross(SUN, aside)
     radii, angles = _SUN_RADIUS * np.sqrt((np.arange(_SUN_RAYS) + 0.5) / _SUN_RAYS), _turns(_SUN_RAYS)
     offsets = radii[:, None] * (np.cos(angles)[:, None] * aside + np.sin(angles)[:, None] * across)
-    return SUN + offsets
+    directions: NDArray[np.float64] = SUN + offsets
+    return directions
 
 
 def _sky_directions() -> NDArray[np.float64]:
@@ -138,4 +139,5 @@ def _sky_directions() -> NDArray[np.float64]:
 
 def _turns(count: int) -> NDArray[np.float64]:
     """The golden angle and its multiples: even on a disc (Vogel 1979)."""
-    return np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+    turns: NDArray[np.float64] = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+    return turns

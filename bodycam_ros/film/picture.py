@@ -12,14 +12,18 @@ from bodycam_ros.film.character import GAMMA, PosedMesh
 from bodycam_ros.film.lighting import GroundShadow, LitMesh, ground_shadow, lit_mesh
 from bodycam_ros.film.place import Place
 from bodycam_ros.film.ray_scene import Floats, RayScene
+from bodycam_ros.film.views import Window
 from bodycam_ros.geometry import Array, inverse, transform_points
 
 Image = NDArray[np.uint8]
 
-_SKY, _HORIZON, _GROUND, _LINE = (np.array(c, np.float32) for c in ((226, 217, 210), (242, 239, 237), (214, 211, 208), (176, 170, 165)))
+_SKY, _HORIZON, _GROUND, _LINE = (
+    np.array(c, np.float32) for c in ((226, 217, 210), (242, 239, 237), (214, 211, 208), (176, 170, 165))
+)
 """Blue, green, red."""
 
 _LINE_M, _FADE_M = 0.012, (5.0, 16.0)  # width of the lines of a metre; from where to where the ground fades
+_FINEST_M = 0.7  # of the ground in one pixel: beyond, lines a metre apart would flicker
 _SAMPLES = 12  # of a pixel at an edge
 _JUMP_M = 0.03  # of the distance between neighbouring pixels, at an edge
 _AHEAD_M = 0.06  # of a mapped surface before what it hides
@@ -36,20 +40,25 @@ class PictureMaker:
 
     Attributes:
         lens: of the picture's size.
+        window: part of the picture that has an image; nothing is drawn beside it.
         place: around the person.
     """
 
     lens: CameraModel
+    window: Window
     place: Place
 
     @cached_property
     def _bearings(self) -> tuple[Floats, NDArray[np.bool_]]:
-        """(H, W, 3) unit bearings of the pixels, and which the lens has."""
+        """(H, W, 3) unit bearings of the pixels, and which of them are drawn on: in the window, and valid."""
         height, width = self.lens.height, self.lens.width
         u, v = np.meshgrid(np.arange(width), np.arange(height))
         bearings, valid = self.lens.unproject(np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float64))
         bearings[~valid] = 0.0, 0.0, -1.0
-        return bearings.reshape(height, width, 3).astype(np.float32), valid.reshape(height, width)
+        left, top, inner_width, inner_height = self.window
+        seen = np.zeros((height, width), bool)
+        seen[top : top + inner_height, left : left + inner_width] = True
+        return bearings.reshape(height, width, 3).astype(np.float32), seen & valid.reshape(height, width)
 
     def covered_share(self, world_T_camera: Array) -> float:
         """Share of the picture that mapped surfaces cover, of a coarse grid of its pixels."""
@@ -64,7 +73,9 @@ class PictureMaker:
         """Whether mapped surfaces cover enough of the picture to say what is before the person."""
         return self.covered_share(world_T_camera) >= _DENSE
 
-    def draw(self, mesh: PosedMesh, world_T_camera: Array, image: Image | None, *, hidden: bool = False) -> Image:
+    def draw(
+        self, mesh: PosedMesh, world_T_camera: Array, image: Image | None, *, hidden: bool = False, shaded: bool = True
+    ) -> Image:
         """A picture (H, W, 3), blue, green, red.
 
         Args:
@@ -72,11 +83,12 @@ class PictureMaker:
             world_T_camera: (4, 4) [m].
             image: (H, W, 3) that the person is drawn over; None from outside.
             hidden: whether mapped surfaces hide what is behind them.
+            shaded: whether the person throws a shadow on the ground.
         """
         scene = RayScene(mesh.vertices, mesh.triangles)
         lit = lit_mesh(mesh, scene)
         ground = self.place.ground_m
-        shadow = None if ground is None else ground_shadow(mesh, scene, ground)
+        shadow = None if ground is None or not shaded else ground_shadow(mesh, scene, ground)
         surface = self.place.surface if hidden else None
         picture = self._background(world_T_camera, mesh, shadow, surface) if image is None else image.copy()
         if image is not None and shadow is not None:
@@ -129,9 +141,7 @@ class PictureMaker:
         for centre, radius, colour in zip(fixed, sizes, shades, strict=True):
             cv2.circle(picture, centre, radius, colour, -1, cv2.LINE_AA, _SHIFT)
 
-    def _darken(
-        self, picture: Image, world_T_camera: Array, shadow: GroundShadow, surface: RayScene | None
-    ) -> None:
+    def _darken(self, picture: Image, world_T_camera: Array, shadow: GroundShadow, surface: RayScene | None) -> None:
         """Put the shadow on the ground where it is seen."""
         directions = self._directions(world_T_camera)
         x, y, is_ground, along = self._on_ground(world_T_camera, directions)
@@ -222,7 +232,7 @@ def _line_share(at: Floats) -> Floats:
     wide = np.abs(np.gradient(at, axis=0)) + np.abs(np.gradient(at, axis=1)) + np.float32(1e-6)
     off = np.abs(at - np.round(at))
     share: Floats = np.clip((0.5 * (_LINE_M + wide) - off) / wide, 0.0, 1.0) * np.minimum(1.0, _LINE_M / wide + 0.15)
-    return share * (wide < 0.7)
+    return np.where(wide < _FINEST_M, share, np.float32(0.0))
 
 
 def _edges(far: Floats, colours: Floats) -> NDArray[np.bool_]:

@@ -52,7 +52,9 @@ class Place:
         rows = rows[:: -(-len(rows) // _DRAWN) or 1]
         normals = None if reference_map.photographs is None else reference_map.photographs.normals[rows]
         upright = ground_m if reference_map.gravity_aligned else None
-        return cls(upright, points[rows], reference_map.colours[rows], None if normals is None else normals.astype(float))
+        return cls(
+            upright, points[rows], reference_map.colours[rows], None if normals is None else normals.astype(float)
+        )
 
     @cached_property
     def surface(self) -> RayScene | None:

@@ -48,7 +48,8 @@ class RayScene:
             from embreex.rtcore_scene import EmbreeScene
         except ImportError as error:
             raise ViewError(
-                f"a film needs the ray tracer embreex, which is not installed ({error}); pip install 'bodycam_ros[film]'"
+                f"a film needs the ray tracer embreex, which cannot be imported ({error}); install it: "
+                "pip install 'bodycam_ros[film]'"
             ) from error
         self._scene = EmbreeScene()
         self._mesh = TriangleMesh(self._scene, _rows(vertices), np.ascontiguousarray(triangles, np.int32))

@@ -11,7 +11,7 @@ from bodycam_ros.errors import MapError, ViewError
 from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.film.frames import RecordedFrames
 from bodycam_ros.film.picture import Image
-from bodycam_ros.film.views import OUTSIDE, fitted_lens, outside_lens, outside_poses
+from bodycam_ros.film.views import OUTSIDE, Window, fitted_lens, fitted_window, outside_lens, outside_poses
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.solved_body import SolvedBody
@@ -21,9 +21,10 @@ CAMERA, PHOTOGRAPH = "camera", "photo"
 
 
 class Shots(Protocol):
-    """A view: ``lens`` is that of the film's pictures."""
+    """A view: ``lens`` is that of the film's pictures, ``window`` the part of them that has a camera's image."""
 
     lens: CameraModel
+    window: Window
 
     def pose(self, row: int) -> Array:
         """world_T_camera (4, 4) at a frame [m]."""
@@ -51,7 +52,7 @@ class OutsideShots:
     """A view from outside; see ``outside_poses``."""
 
     def __init__(self, kind: str, seconds: Array, roots: Array, boxes: Array, size: tuple[int, int]) -> None:
-        self.lens = outside_lens(*size)
+        self.lens, self.window = outside_lens(*size), (0, 0, *size)
         low, high = boxes[:, 0], boxes[:, 1]
         self._poses = outside_poses(kind, seconds, roots, low, high, size[0] / size[1])
 
@@ -91,7 +92,7 @@ class CameraShots:
                 f"{other_than(frames.camera, [*solved.body.mounts])}; of a static camera give the file with --stations"
             )
         self._size = size
-        self.lens = fitted_lens(lens, *size)
+        self.lens, self.window = fitted_lens(lens, size), fitted_window(lens.width, lens.height, size)
 
     def pose(self, row: int) -> Array:
         """See ``Shots``."""
@@ -139,8 +140,10 @@ class PhotographShots:
             raise MapError(f"{place}: photograph {names[rows[0]]} cannot be read")
         lens = photographs.cameras[photographs.camera_of_view[rows[0]]]
         if abs(picture.shape[1] * lens.height - picture.shape[0] * lens.width) > 2 * max(picture.shape):
-            raise MapError(f"{place}: has {picture.shape[1]} x {picture.shape[0]} pixels, another shape than in the map")
-        self.lens = fitted_lens(lens, *size)
+            raise MapError(
+                f"{place}: has {picture.shape[1]} x {picture.shape[0]} pixels, another shape than in the map"
+            )
+        self.lens, self.window = fitted_lens(lens, size), fitted_window(lens.width, lens.height, size)
         self._picture = letterboxed(np.asarray(picture, np.uint8), size)
 
     def pose(self, row: int) -> Array:
@@ -153,14 +156,11 @@ class PhotographShots:
 
 
 def letterboxed(image: Image, size: tuple[int, int]) -> Image:
-    """An image scaled into the middle of a picture of a size (width, height) [px], dark around it; see ``fitted_lens``."""
-    width, height = size
-    scale = min(width / image.shape[1], height / image.shape[0])
-    inner = round(image.shape[1] * scale), round(image.shape[0] * scale)
-    left, top = (width - inner[0]) // 2, (height - inner[1]) // 2
-    picture = np.full((height, width, 3), _BAR, np.uint8)
-    way = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
-    picture[top : top + inner[1], left : left + inner[0]] = cv2.resize(image, inner, interpolation=way)
+    """An image in its window of a picture of a size (width, height) [px], dark around it; see ``fitted_window``."""
+    left, top, width, height = fitted_window(image.shape[1], image.shape[0], size)
+    picture = np.full((size[1], size[0], 3), _BAR, np.uint8)
+    way = cv2.INTER_AREA if width < image.shape[1] else cv2.INTER_CUBIC
+    picture[top : top + height, left : left + width] = cv2.resize(image, (width, height), interpolation=way)
     return picture
 
 

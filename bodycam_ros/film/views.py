@@ -68,16 +68,24 @@ def looking_at(position: Array, look_at: Array) -> Array:
     return pose
 
 
-def fitted_lens(lens: CameraModel, width: int, height: int) -> CameraModel:
-    """The lens of a picture of a size [px] that the image of another lens is scaled into, in the middle of it."""
-    scale = min(width / lens.width, height / lens.height)
-    inner_width, inner_height = round(lens.width * scale), round(lens.height * scale)
-    left, top = (width - inner_width) // 2, (height - inner_height) // 2
-    x, y = inner_width / lens.width, inner_height / lens.height
+Window = tuple[int, int, int, int]
+"""Left, top, width and height of an image within a picture [px]."""
+
+
+def fitted_window(width: int, height: int, size: tuple[int, int]) -> Window:
+    """Where an image of a width and height [px] is in a picture of a size, as large as it fits, in the middle."""
+    scale = min(size[0] / width, size[1] / height)
+    inner_width, inner_height = round(width * scale), round(height * scale)
+    return (size[0] - inner_width) // 2, (size[1] - inner_height) // 2, inner_width, inner_height
+
+
+def fitted_lens(lens: CameraModel, size: tuple[int, int]) -> CameraModel:
+    """The lens of a picture of a size (width, height) [px] that has the image of another one in its window."""
+    left, top, width, height = fitted_window(lens.width, lens.height, size)
+    x, y = width / lens.width, height / lens.height
     return CameraModel(
         lens.name,
-        width,
-        height,
+        *size,
         lens.fx * x,
         lens.fy * y,
         (lens.cx + 0.5) * x - 0.5 + left,

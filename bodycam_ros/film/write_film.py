@@ -15,7 +15,16 @@ from bodycam_ros.film.character import Character, PosedMesh
 from bodycam_ros.film.frames import EvenFrames, Frames, RecordedFrames
 from bodycam_ros.film.picture import Image, PictureMaker
 from bodycam_ros.film.place import Place
-from bodycam_ros.film.shots import CameraShots, OutsideShots, PhotographShots, Shots, letterboxed, split_view
+from bodycam_ros.film.shots import (
+    CAMERA,
+    PHOTOGRAPH,
+    CameraShots,
+    OutsideShots,
+    PhotographShots,
+    Shots,
+    letterboxed,
+    split_view,
+)
 from bodycam_ros.film.views import OUTSIDE
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.geometry import Array
@@ -85,16 +94,20 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
     shots: Shots
     if kind in OUTSIDE:
         shots = OutsideShots(kind, motion.seconds, motion.roots, motion.boxes, size)
-    elif kind == "photo":
+    elif kind == PHOTOGRAPH:
         shots = PhotographShots(name, request.map_path, reference_map, request.photographs, size)
     else:
         assert isinstance(frames, RecordedFrames)
         stations = {} if request.static_cameras is None else read_static_cameras(request.static_cameras, reference_map)
         shots = CameraShots(frames, solved, motion.world_T_segment, stations.get(name), size)
-    maker = PictureMaker(shots.lens, place)
+    maker = PictureMaker(shots.lens, shots.window, place)
+    # In a camera's images the person has a shadow already.
     hides = kind not in OUTSIDE and maker.is_dense(shots.pose(0))
     if kind not in OUTSIDE and not hides:
-        note("the map has too few points in this view to say what is before the person: nothing hides the person")
+        seen = (
+            "without --map it is unknown" if reference_map is None else "the map has too few points in this view to say"
+        )
+        note(f"{seen} what is before the person: nothing hides the person")
     is_picture = path.suffix.lower() == PICTURE
     count = 1 if is_picture else len(frames.stamps_ns)
     with (
@@ -103,7 +116,9 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
         _picture_writer(unfinished) if is_picture else video_writer(unfinished, frames.rate_hz) as write,
     ):
         for row, image in zip(range(count), frames.images(), strict=False):
-            picture = maker.draw(motion.mesh(row), shots.pose(row), shots.background(image), hidden=hides)
+            picture = maker.draw(
+                motion.mesh(row), shots.pose(row), shots.background(image), hidden=hides, shaded=kind != CAMERA
+            )
             if request.beside is not None and image is not None:
                 picture = np.hstack([picture, letterboxed(image, (width - size[0], height))])
             write(float(motion.seconds[row]), picture)
@@ -129,7 +144,9 @@ class FilmedMotion:
         poses = np.moveaxis(solved.world_T_segment, 1, 0)
         at = [interpolated(solved.stamps_ns, each, stamps_ns) if len(solved.stamps_ns) > 1 else each for each in poses]
         self.world_T_segment: Array = np.stack(at, axis=1)
-        self._placed = solved.placed[nearest_rows(solved.stamps_ns, stamps_ns)] if len(solved.stamps_ns) > 1 else solved.placed
+        self._placed = (
+            solved.placed[nearest_rows(solved.stamps_ns, stamps_ns)] if len(solved.stamps_ns) > 1 else solved.placed
+        )
         self.roots: Array = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
         self.boxes: Array = np.array([self._box(row) for row in range(len(stamps_ns))])
 
@@ -145,7 +162,7 @@ class FilmedMotion:
 
 
 def _frames(request: FilmRequest, solved: SolvedBody, kind: str, name: str) -> Frames:
-    if kind == "camera":
+    if kind == CAMERA:
         return RecordedFrames(request.recording, solved, name, f"--view {request.view}")
     if request.beside is not None:
         return RecordedFrames(request.recording, solved, request.beside, f"--beside {request.beside}")
