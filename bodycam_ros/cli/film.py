@@ -12,7 +12,7 @@ from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import ViewError
 from bodycam_ros.files.shown import printable
 
-_MARKS = {".mp4": (b"ftyp", "video"), ".png": (b"\x89PNG", "picture")}
+_MARKS = {".mp4": (b"ftyp", "video"), ".png": (b"\x89PNG", "picture"), ".jpg": (b"\xff\xd8", "picture")}
 
 EPILOG = """
 views: follow: beside the person; orbit: around the person; fixed: from one place; camera:NAME: over the images of a
@@ -23,7 +23,7 @@ camera of the body, or a static one; photo:NAME: over a photograph of the map, w
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     parser.add_argument("solved", type=Path, metavar="OUT", help="bag that 'bodycam replay' wrote")
-    add_output(parser, "FILE", "video to write, FILE.mp4; FILE.png: one picture, of the time of --from")
+    add_output(parser, "FILE", "video to write, FILE.mp4; FILE.png or FILE.jpg: one picture, of the time of --from")
     parser.add_argument("--view", default="follow", metavar="VIEW", help="where it is seen from (default: follow)")
     add_option(parser, "--map", help="reference map: its points are the place, its photographs views")
     add_option(parser, "--recording", metavar="BAG", help="bag that OUT was solved from, with the images of cameras")
@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     output: Path = arguments.output
     if output.suffix.lower() not in _MARKS:
-        raise ViewError(f"{output}: expected a name that ends with .mp4, a video, or .png, one picture of it")
+        raise ViewError(f"{output}: expected a name that ends with .mp4, a video, or .png or .jpg, one picture of it")
     check_files(arguments, (output, *_MARKS[output.suffix.lower()]))
     request = FilmRequest(
         arguments.solved,

@@ -30,7 +30,7 @@ _AHEAD_M = 0.06  # of a mapped surface before what it hides
 _DENSE = 0.5  # of the picture covered by mapped surfaces: with less they hide nothing
 _POINT_M, _SMALLEST_PX, _LARGEST_PX = 0.008, 1.1, 4.5  # radius of a point
 _PALE, _PALE_FAR = 0.2, 0.65  # how much of the horizon's colour a point has, near and far: the person stands out
-_NEAR = 0.75  # of the person's distance: nearer points would hide the person, and are left out
+_NEAR, _NEAR_GROUND = 0.75, 0.2  # of the person's distance: nearer points would hide the person, and are left out
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 
 
@@ -116,21 +116,23 @@ class PictureMaker:
             picture = np.where(is_ground[..., None], ground, picture)
             pixels = np.clip(picture, 0.0, 255.0).astype(np.uint8)
             level = np.abs(self.place.points_world[:, 2] - self.place.ground_m) < 0.05
-            self._draw_points(pixels, world_T_camera, near, level)
+            self._draw_points(pixels, world_T_camera, near, level, _NEAR_GROUND)
             self._darken(pixels, world_T_camera, shadow, surface)
-            self._draw_points(pixels, world_T_camera, near, ~level)
+            self._draw_points(pixels, world_T_camera, near, ~level, _NEAR)
             return pixels
         pixels = np.clip(picture, 0.0, 255.0).astype(np.uint8)
-        self._draw_points(pixels, world_T_camera, near, np.ones(len(self.place.points_world), bool))
+        self._draw_points(pixels, world_T_camera, near, np.ones(len(self.place.points_world), bool), _NEAR)
         return pixels
 
-    def _draw_points(self, picture: Image, world_T_camera: Array, near: Floats, chosen: NDArray[np.bool_]) -> None:
-        """Discs of points of the map, the farthest first; none before the person."""
+    def _draw_points(
+        self, picture: Image, world_T_camera: Array, near: Floats, chosen: NDArray[np.bool_], nearest: float
+    ) -> None:
+        """Discs of points of the map, the farthest first; none nearer than a share of the person's distance."""
         points = transform_points(inverse(world_T_camera), self.place.points_world[chosen])
         colours = self.place.colours[chosen][:, ::-1]
         distance = float(np.linalg.norm(near - world_T_camera[:3, 3]))
         pixels, valid = self.lens.project(points)
-        valid &= (points[:, 2] > _NEAR * distance) & self.lens.in_image(pixels)
+        valid &= (points[:, 2] > nearest * distance) & self.lens.in_image(pixels)
         order = np.flatnonzero(valid)[np.argsort(-points[valid, 2])]
         radii = np.clip(self.lens.fx * _POINT_M / points[order, 2], _SMALLEST_PX, _LARGEST_PX)
         away = np.clip((points[order, 2] - distance) / _FADE_M[1], 0.0, 1.0)

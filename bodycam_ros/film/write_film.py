@@ -36,8 +36,8 @@ from bodycam_ros.results.body_motion import interpolated, nearest_rows
 from bodycam_ros.results.solved_body import SolvedBody, read_solved_body
 from bodycam_ros.results.solved_part import part_of
 
-PICTURE = ".png"
-"""Ending of a file that one picture is written to, that of the first time."""
+PICTURES = (".png", ".jpg")
+"""Endings of a file that one picture is written to, that of the first time."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class FilmRequest:
 
 
 def write_film(request: FilmRequest, path: Path, progress: Progress, note: Callable[[str], None]) -> int:
-    """Write a film as MP4 (H.264), or one picture as PNG, whole or not at all; return the number of frames.
+    """Write a film as MP4 (H.264), or one picture as PNG or JPEG, whole or not at all; return the number of frames.
 
     Args:
         request: what to film.
@@ -108,7 +108,7 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
             "without --map it is unknown" if reference_map is None else "the map has too few points in this view to say"
         )
         note(f"{seen} what is before the person: nothing hides the person")
-    is_picture = path.suffix.lower() == PICTURE
+    is_picture = path.suffix.lower() in PICTURES
     count = 1 if is_picture else len(frames.stamps_ns)
     with (
         whole_file(path) as unfinished,
@@ -172,7 +172,7 @@ def _frames(request: FilmRequest, solved: SolvedBody, kind: str, name: str) -> F
 @contextmanager
 def _picture_writer(path: Path) -> Iterator[Callable[[float, Image], None]]:
     def write(seconds: float, picture: Image) -> None:
-        done, data = cv2.imencode(PICTURE, picture)
+        done, data = cv2.imencode(path.suffix, picture)
         if not done:
             raise OutputError(f"{path}: the picture cannot be encoded")
         path.write_bytes(data.tobytes())
