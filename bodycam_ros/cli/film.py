@@ -35,11 +35,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of the video (1920x1080)")
     rate_help = "frames a second of views without images (30)"
     parser.add_argument("--rate", type=number(float, 1.0, 240.0, "Hz"), default=30.0, metavar="HZ", help=rate_help)
+    environment_help = "show a place that was not there: road, or slope:30, of so many degrees"
+    parser.add_argument("--environment", metavar="PLACE", help=environment_help)
+    travel_help = "with --environment: speed that is added to the motion (0)"
+    speed = number(float, 0.0, 60.0, "m/s")
+    add_option(parser, "--travel", type=speed, metavar="M/S", needs="environment", help=travel_help)
     add_span(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
+    from bodycam_ros.film.environment import Environment
     from bodycam_ros.film.write_film import FilmRequest, write_film
 
     output: Path = arguments.output
@@ -57,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.size,
         arguments.rate,
         given_span(arguments),
+        None if arguments.environment is None else Environment.parse(arguments.environment, arguments.travel or 0.0),
     )
     terminal = Terminal()
     with shown_progress() as progress:

@@ -1,6 +1,5 @@
-"""The person who is filmed: the skin of the body, in clothes, and lines of equipment as tubes."""
+"""The person who is filmed: the skin of the body, in clothes, and the equipment."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,8 +10,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.limb_mesh import Ball, limb_mesh
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin import SkinnedSurface, skinned_body
-from bodycam_ros.body.stick_figure import Bone
+from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.body.surface import Faces, join_meshes
+from bodycam_ros.film.machines import machine_parts
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.picture_style import EQUIPMENT, rgb
 
@@ -25,9 +25,10 @@ def linear(colour: str) -> tuple[float, ...]:
     return tuple((value / 255.0) ** GAMMA for value in rgb(colour))
 
 
-_SKIN, _SHIRT, _TROUSERS, _SHOES, _TUBES = range(5)
-PALETTE = np.array([linear(each) for each in ("#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", EQUIPMENT)], np.float32)
-"""(C, 3) colours of skin, shirt, trousers, shoes and equipment, linear in light."""
+_SKIN, _SHIRT, _TROUSERS, _SHOES, _PAINT, _RUBBER, _METAL = range(7)
+_COLOURS = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", EQUIPMENT, "#26282b", "#a4aab0"
+PALETTE = np.array([linear(each) for each in _COLOURS], np.float32)
+"""(C, 3) colours of skin, shirt, trousers, shoes, and of equipment its paint, rubber and metal, linear in light."""
 
 _CLOTHES = {
     "head": _SKIN, "hand": _SKIN, "forearm": _SKIN,
@@ -65,22 +66,36 @@ class Character:
     """
 
     def __init__(self, body: BodyModel) -> None:
+        self._body = body
         self._skin = skinned_body(body)
+        self._parts = machine_parts(body)
         clothes = np.array([_CLOTHES.get(SegmentName(name).kind, _SHIRT) for name in body.segments])
         self._shares = _segment_shares(self._skin, len(body.segments)) @ np.eye(len(PALETTE), dtype=np.float32)[clothes]
         neighbours = _neighbours(self._skin)
         for _ in range(_SMOOTHINGS):
             self._shares = neighbours @ self._shares
 
-    def posed(self, segment_poses: Array, equipment: Sequence[Bone] = ()) -> PosedMesh:
-        """The person at poses world_T_segment (S, 4, 4) [m], with lines of equipment at the same one time."""
+    def posed(self, segment_poses: Array, *, with_equipment: bool = True, rolled_m: float = 0.0) -> PosedMesh:
+        """The person, and the equipment, at poses world_T_segment (S, 4, 4) [m]; wheels have rolled so far [m]."""
         meshes = [(self._skin.posed(segment_poses), self._skin.triangles.astype(np.int32))]
-        meshes += [tube(bone.start[0], bone.end[0]) for bone in equipment if _length(bone) > _SHORTEST_M]
+        colours = []
+        if with_equipment:
+            for part in self._parts:
+                pose = segment_poses[self._body.segment_index[part.segment]]
+                meshes.append((part.placed(pose, rolled_m), part.triangles))
+                colours.append(_PAINT + part.colour)
+            if not self._parts:
+                bones = [bone for bone in body_bones(self._body, segment_poses) if bone.is_equipment]
+                tubes = [tube(bone.start[0], bone.end[0]) for bone in bones if _length(bone) > _SHORTEST_M]
+                meshes += tubes
+                colours += [_PAINT] * len(tubes)
+        shares = [self._shares]
+        for (vertices, _), colour in zip(meshes[1:], colours, strict=True):
+            one = np.zeros((len(vertices), len(PALETTE)), np.float32)
+            one[:, colour] = 1.0
+            shares.append(one)
         vertices, triangles = join_meshes(meshes)
-        shares = np.zeros((len(vertices), len(PALETTE)), np.float32)
-        shares[: len(self._shares)] = self._shares
-        shares[len(self._shares) :, _TUBES] = 1.0
-        return PosedMesh(vertices.astype(np.float32), triangles, shares)
+        return PosedMesh(vertices.astype(np.float32), triangles, np.concatenate(shares))
 
 
 def tube(start: Array, end: Array) -> tuple[Array, Faces]:

@@ -12,13 +12,13 @@ from bodycam_ros.film.character import GAMMA, PosedMesh
 from bodycam_ros.film.lighting import GroundShadow, LitMesh, ground_shadow, lit_mesh
 from bodycam_ros.film.place import Place
 from bodycam_ros.film.ray_scene import Floats, RayScene
-from bodycam_ros.film.views import Window
+from bodycam_ros.film.views import UP, Window
 from bodycam_ros.geometry import Array, inverse, transform_points
 
 Image = NDArray[np.uint8]
 
-_SKY, _HORIZON, _GROUND, _LINE = (
-    np.array(c, np.float32) for c in ((226, 217, 210), (242, 239, 237), (214, 211, 208), (176, 170, 165))
+_SKY, _OPEN_SKY, _HORIZON, _GROUND, _LINE = np.array(
+    [(226, 217, 210), (226, 190, 158), (242, 239, 237), (214, 211, 208), (176, 170, 165)], np.float32
 )
 """Blue, green, red."""
 
@@ -100,10 +100,11 @@ class PictureMaker:
         self, world_T_camera: Array, mesh: PosedMesh, shadow: GroundShadow | None, surface: RayScene | None
     ) -> Image:
         directions = self._directions(world_T_camera)
-        rise = directions[..., 2:]
+        route = self.place.route
+        rise = (directions @ (UP if route is None else route.up).astype(np.float32))[..., None]
         # Brightest at the horizon, where the ground fades into it.
         share = np.clip(rise / 0.5, 0.0, 1.0)
-        picture: Floats = (1.0 - share) * _HORIZON + share * _SKY
+        picture: Floats = (1.0 - share) * _HORIZON + share * (_SKY if route is None else _OPEN_SKY)
         near = mesh.vertices.mean(axis=0)
         if self.place.ground_m is not None and shadow is not None:
             x, y, is_ground, _ = self._on_ground(world_T_camera, directions)
@@ -112,6 +113,9 @@ class PictureMaker:
             fade = fade * fade * (3.0 - 2.0 * fade)
             line = np.maximum(_line_share(x), _line_share(y))
             ground = _GROUND + line[..., None] * (_LINE - _GROUND)
+            if route is not None:
+                ground = route.environment.ground(x, y, route.start, route.heading)
+                fade = np.clip((away - _FADE_M[1]) / (4.0 * _FADE_M[1]), 0.0, 1.0)
             ground = ground + fade[..., None] * (_HORIZON - ground)
             picture = np.where(is_ground[..., None], ground, picture)
             pixels = np.clip(picture, 0.0, 255.0).astype(np.uint8)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.ray_scene import RayScene
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -20,6 +21,26 @@ _CORNERS = 6  # of a disc
 
 
 @dataclass(frozen=True, eq=False)
+class Route:
+    """Where the motion goes in an environment.
+
+    Attributes:
+        environment: road or slope.
+        start: (3,) [m].
+        heading: (3,) unit, level.
+    """
+
+    environment: Environment
+    start: Array
+    heading: Array
+
+    @property
+    def up(self) -> Array:
+        """(3,) unit vector against gravity."""
+        return self.environment.up(self.heading)
+
+
+@dataclass(frozen=True, eq=False)
 class Place:
     """What is around the person.
 
@@ -28,12 +49,14 @@ class Place:
         points_world: (N, 3) to draw [m].
         colours: (N, 3) uint8 red, green, blue.
         normals: (N, 3) of the surfaces that points lie on; None of a map without photographs.
+        route: an environment in place of the one that was there.
     """
 
     ground_m: float | None
     points_world: Array
     colours: NDArray[np.uint8]
     normals: Array | None
+    route: Route | None = None
 
     @classmethod
     def around(cls, reference_map: ReferenceMap | None, lowest: Array) -> "Place":

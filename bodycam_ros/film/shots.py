@@ -11,7 +11,7 @@ from bodycam_ros.errors import MapError, ViewError
 from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.film.frames import RecordedFrames
 from bodycam_ros.film.picture import Image
-from bodycam_ros.film.views import OUTSIDE, Window, fitted_lens, fitted_window, outside_lens, outside_poses
+from bodycam_ros.film.views import OUTSIDE, UP, Window, fitted_lens, fitted_window, outside_lens, outside_poses
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.solved_body import SolvedBody
@@ -51,10 +51,12 @@ def split_view(view: str) -> tuple[str, str]:
 class OutsideShots:
     """A view from outside; see ``outside_poses``."""
 
-    def __init__(self, kind: str, seconds: Array, roots: Array, boxes: Array, size: tuple[int, int]) -> None:
+    def __init__(
+        self, kind: str, seconds: Array, heading: Array, boxes: Array, size: tuple[int, int], up: Array = UP
+    ) -> None:
         self.lens, self.window = outside_lens(*size), (0, 0, *size)
         low, high = boxes[:, 0], boxes[:, 1]
-        self._poses = outside_poses(kind, seconds, roots, low, high, size[0] / size[1])
+        self._poses = outside_poses(kind, seconds, heading, low, high, size[0] / size[1], up)
 
     def pose(self, row: int) -> Array:
         """See ``Shots``."""

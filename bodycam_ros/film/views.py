@@ -20,6 +20,9 @@ _LEAST_ORBIT = np.radians(100.0)  # in the whole film
 _MARGIN_M = 0.5  # of a fixed view, around the motion
 
 
+UP = np.array([0.0, 0.0, 1.0])
+
+
 def outside_lens(width: int, height: int) -> CameraModel:
     """A lens without distortion for pictures of a size [px]."""
     focal = 0.5 * height / float(np.tan(0.5 * _FIELD_OF_VIEW))
@@ -27,22 +30,24 @@ def outside_lens(width: int, height: int) -> CameraModel:
     return CameraModel("outside", width, height, focal, focal, *middle, (0.0,) * 5, "plumb_bob")
 
 
-def outside_poses(kind: str, seconds: Array, roots: Array, low: Array, high: Array, aspect: float) -> Array:
+def outside_poses(
+    kind: str, seconds: Array, heading: Array, low: Array, high: Array, aspect: float, up: Array
+) -> Array:
     """Poses world_T_camera (F, 4, 4) of a view from outside [m].
 
     Args:
         kind: one of ``OUTSIDE``.
         seconds: (F,) evenly spaced times.
-        roots: (F, 4, 4) poses of the person's root, whose x is forward [m].
+        heading: (3,) where the person faces.
         low, high: (F, 3) corners of a box around the person [m].
         aspect: width of the picture over its height.
+        up: (3,) what is up in the picture.
     """
     step_s = (seconds[-1] - seconds[0]) / max(1, len(seconds) - 1)
     middles = 0.5 * (low + high)
     middles[:, 2] = np.median(middles[:, 2])
     size = float(np.median(high[:, 2] - low[:, 2]))
-    forward = roots[:, :3, 0].mean(axis=0)
-    azimuth = np.full(len(seconds), np.arctan2(forward[1], forward[0]) + _TURN)
+    azimuth = np.full(len(seconds), np.arctan2(heading[1], heading[0]) + _TURN)
     if kind == FIXED:
         first, last = low.min(axis=0), high.max(axis=0)
         middles = np.broadcast_to(0.5 * (first + last), middles.shape)
@@ -56,13 +61,15 @@ def outside_poses(kind: str, seconds: Array, roots: Array, low: Array, high: Arr
     distance = size / _FILLED / (2.0 * np.tan(0.5 * _FIELD_OF_VIEW))
     level = np.cos(_ELEVATION) * np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1)
     away = np.column_stack([level, np.full(len(level), np.sin(_ELEVATION))])
-    return np.stack([looking_at(middle + distance * one, middle) for middle, one in zip(middles, away, strict=True)])
+    return np.stack(
+        [looking_at(middle + distance * one, middle, up) for middle, one in zip(middles, away, strict=True)]
+    )
 
 
-def looking_at(position: Array, look_at: Array) -> Array:
-    """(4, 4) pose of a camera's optical frame (x right, y down, z ahead) at a point (3,), z of the world up [m]."""
+def looking_at(position: Array, look_at: Array, up: Array = UP) -> Array:
+    """(4, 4) pose of a camera's optical frame (x right, y down, z ahead) at a point (3,), up a unit vector (3,) [m]."""
     ahead = (look_at - position) / np.linalg.norm(look_at - position)
-    right = np.cross(ahead, [0.0, 0.0, 1.0])
+    right = np.cross(ahead, up)
     right /= np.linalg.norm(right)
     pose: Array = rigid(np.stack([right, np.cross(ahead, right), ahead], axis=1), position)
     return pose

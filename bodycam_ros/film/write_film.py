@@ -8,13 +8,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from bodycam_ros.body.stick_figure import body_bones
-from bodycam_ros.errors import OutputError
+from bodycam_ros.errors import OutputError, ViewError
+from bodycam_ros.files.shown import shown
 from bodycam_ros.files.whole_file import whole_file
 from bodycam_ros.film.character import Character, PosedMesh
+from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.frames import EvenFrames, Frames, RecordedFrames
 from bodycam_ros.film.picture import Image, PictureMaker
-from bodycam_ros.film.place import Place
+from bodycam_ros.film.place import Place, Route
 from bodycam_ros.film.shots import (
     CAMERA,
     PHOTOGRAPH,
@@ -25,7 +26,7 @@ from bodycam_ros.film.shots import (
     letterboxed,
     split_view,
 )
-from bodycam_ros.film.views import OUTSIDE
+from bodycam_ros.film.views import OUTSIDE, UP
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
 from bodycam_ros.geometry import Array
 from bodycam_ros.progress import Progress
@@ -38,6 +39,8 @@ from bodycam_ros.results.solved_part import part_of
 
 PICTURES = (".png", ".jpg")
 """Endings of a file that one picture is written to, that of the first time."""
+
+_LEAST_WAY_M = 0.5
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ class FilmRequest:
         size: width and height [px].
         rate_hz: frames a second, where they are not those of a camera.
         span: part of the recording.
+        environment: in place of what was there; only of views from outside.
     """
 
     solved: Path
@@ -67,6 +71,7 @@ class FilmRequest:
     size: tuple[int, int] = (1920, 1080)
     rate_hz: float = 30.0
     span: TimeSpan = TimeSpan()
+    environment: Environment | None = None
 
 
 def write_film(request: FilmRequest, path: Path, progress: Progress, note: Callable[[str], None]) -> int:
@@ -86,14 +91,26 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
     solved = part_of(read_solved_body(request.solved), request.span)
     reference_map = None if request.map_path is None else ReferenceMap.load(request.map_path)
     kind, name = split_view(request.view)
+    if request.environment is not None and kind not in OUTSIDE:
+        raise ViewError(
+            f"--environment: --view {request.view} shows the place that was there; choose {', '.join(OUTSIDE)}"
+        )
     frames = _frames(request, solved, kind, name)
-    motion = FilmedMotion(solved, frames)
+    environment = request.environment
+    motion = FilmedMotion(solved, frames, 0.0 if environment is None else environment.speed)
     place = Place.around(reference_map, motion.boxes[:, 0, 2])
+    up = UP
+    if environment is not None:
+        route = Route(environment, motion.boxes[0].mean(axis=0), motion.heading)
+        place, up = (
+            Place(float(motion.boxes[:, 0, 2].min()), np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route),
+            route.up,
+        )
     width, height = request.size
     size = (width // 2, height) if request.beside is not None else (width, height)
     shots: Shots
     if kind in OUTSIDE:
-        shots = OutsideShots(kind, motion.seconds, motion.roots, motion.boxes, size)
+        shots = OutsideShots(kind, motion.seconds, motion.facing, motion.boxes, size, up)
     elif kind == PHOTOGRAPH:
         shots = PhotographShots(name, request.map_path, reference_map, request.photographs, size)
     else:
@@ -132,11 +149,12 @@ class FilmedMotion:
     Attributes:
         seconds: (F,) since the first frame.
         world_T_segment: (F, S, 4, 4) [m].
-        roots: (F, 4, 4) pose of the root [m].
+        facing: (3,) where the person faces, over all frames.
+        heading: (3,) unit, level: where it goes.
         boxes: (F, 2, 3) corners of a box around the person [m].
     """
 
-    def __init__(self, solved: SolvedBody, frames: Frames) -> None:
+    def __init__(self, solved: SolvedBody, frames: Frames, speed: float = 0.0) -> None:
         self._body = solved.body
         self._character = Character(solved.body)
         stamps_ns = frames.stamps_ns
@@ -147,22 +165,42 @@ class FilmedMotion:
         self._placed = (
             solved.placed[nearest_rows(solved.stamps_ns, stamps_ns)] if len(solved.stamps_ns) > 1 else solved.placed
         )
-        self.roots: Array = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
+        roots = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
+        self.facing: Array = roots[:, :3, 0].mean(axis=0)
+        self.heading = _heading(solved, self.world_T_segment, roots)
+        self._travelled = speed * self.seconds
+        self.world_T_segment[..., :3, 3] += self._travelled[:, None, None] * self.heading
         self.boxes: Array = np.array([self._box(row) for row in range(len(stamps_ns))])
 
     def mesh(self, row: int) -> PosedMesh:
         """The person, with equipment where its pose is known, at a frame."""
-        poses = self.world_T_segment[row]
-        bones = [bone for bone in body_bones(self._body, poses) if bone.is_equipment] if self._placed[row] else []
-        return self._character.posed(poses, bones)
+        placed, rolled_m = bool(self._placed[row]), float(self._travelled[row])
+        return self._character.posed(self.world_T_segment[row], with_equipment=placed, rolled_m=rolled_m)
 
     def _box(self, row: int) -> Array:
         vertices = self.mesh(row).vertices
         return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
 
 
+def _heading(solved: SolvedBody, world_T_segment: Array, roots: Array) -> Array:
+    """(3,) unit, level: where equipment that rides points; else where the person goes, or faces where they stay."""
+    riding = [name for name in ("frame", "board") if name in solved.body.equipment_segments]
+    way = roots[-1, :3, 3] - roots[0, :3, 3]
+    if riding:
+        way = world_T_segment[:, solved.body.segment_index[riding[0]], :3, 0].mean(axis=0)
+    elif np.linalg.norm(way[:2]) < _LEAST_WAY_M:
+        way = roots[:, :3, 0].mean(axis=0)
+    level: Array = way * [1.0, 1.0, 0.0]
+    return level / np.linalg.norm(level)
+
+
 def _frames(request: FilmRequest, solved: SolvedBody, kind: str, name: str) -> Frames:
     if kind == CAMERA:
+        if request.beside not in (None, name):
+            raise ViewError(
+                f"--beside {shown(request.beside)}: beside the view of {name} only its own images can be shown; leave "
+                "it out, or choose a view from outside"
+            )
         return RecordedFrames(request.recording, solved, name, f"--view {request.view}")
     if request.beside is not None:
         return RecordedFrames(request.recording, solved, request.beside, f"--beside {request.beside}")

@@ -56,7 +56,7 @@ def test_the_person_is_where_the_view_projects_them(view: str, sample_out: Path,
     np.testing.assert_allclose(seconds, (frames.stamps_ns - frames.stamps_ns[0]) * 1e-9, atol=1e-4)
     assert {picture.shape for picture in pictures} == {(SIZE[1], SIZE[0], 3)}
     motion = FilmedMotion(solved, frames)
-    shots = OutsideShots(view, motion.seconds, motion.roots, motion.boxes, SIZE)
+    shots = OutsideShots(view, motion.seconds, motion.facing, motion.boxes, SIZE)
     for row, picture in enumerate(pictures):
         camera_T_world = inverse(shots.pose(row))
         torso = motion.world_T_segment[row, solved.body.segment_index["torso"], :3, 3] + [0.0, 0.0, 0.2]
