@@ -1,6 +1,8 @@
 """The person who is filmed: the skin of the body, in clothes, and the equipment."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,14 +63,18 @@ class PosedMesh:
 class Character:
     """A body with clothes on.
 
+    Args:
+        body: with its equipment.
+        lengths: of the equipment, as they were estimated [m]; see ``machine_parts``.
+
     Raises:
         BodyError: no segment has a length to put a skin around.
     """
 
-    def __init__(self, body: BodyModel) -> None:
+    def __init__(self, body: BodyModel, lengths: Mapping[str, float] = MappingProxyType({})) -> None:
         self._body = body
         self._skin = skinned_body(body)
-        self._parts = machine_parts(body)
+        self._parts = machine_parts(body, lengths)
         clothes = np.array([_CLOTHES.get(SegmentName(name).kind, _SHIRT) for name in body.segments])
         self._shares = _segment_shares(self._skin, len(body.segments)) @ np.eye(len(PALETTE), dtype=np.float32)[clothes]
         neighbours = _neighbours(self._skin)

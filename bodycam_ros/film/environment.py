@@ -15,7 +15,7 @@ ROAD, SLOPE = "road", "slope"
 STEEPEST_DEG = 60.0
 
 _ASPHALT, _VERGE, _PAINT = (np.array(c, np.float32) for c in ((104, 101, 98), (104, 138, 124), (232, 236, 238)))
-_SNOW, _TRACK = (np.array(c, np.float32) for c in ((248, 243, 239), (228, 218, 209)))
+_SNOW, _TRACK = (np.array(c, np.float32) for c in ((248, 243, 239), (240, 233, 227)))
 """Blue, green, red."""
 
 _LEFT_EDGE_M, _MIDDLE_M, _RIGHT_EDGE_M, _KERB_M = 4.4, 1.4, -1.6, 0.5  # lines of a road, from the middle of the lane
@@ -74,7 +74,7 @@ class Environment:
         wide = np.maximum(_change(across), np.float32(1e-4))
         if self.kind == SLOPE:
             off = np.abs(across / _TRACKS_M - np.round(across / _TRACKS_M)) * _TRACKS_M
-            share = _band(off, -1.0, 0.1 * _TRACKS_M, wide) * np.clip(1.5 - wide / (0.5 * _TRACKS_M), 0.0, 1.0)
+            share = _band(off, -1.0, 0.08 * _TRACKS_M, wide) * np.clip(1.5 - wide / (0.5 * _TRACKS_M), 0.0, 1.0)
             colours = _SNOW + share[..., None] * (_TRACK - _SNOW)
             return colours + 0.5 * _grain(along, across, wide)[..., None]
         is_road = _band(across, _RIGHT_EDGE_M - _KERB_M, _LEFT_EDGE_M + _KERB_M, wide)

@@ -1,5 +1,6 @@
 """What equipment looks like: a bicycle with wheels that roll, a snowboard; all else are tubes along its lines."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,9 @@ WHEEL_M = 0.34
 
 _REAR, _FRONT = np.array([-0.41, 0.0, 0.07]), np.array([0.60, 0.0, 0.07])  # hubs, from the middle of the crank's axle
 _SEAT, _SADDLE = np.array([-0.17, 0.0, 0.55]), np.array([-0.206, 0.0, 0.673])
-_HEAD_LOW, _HEAD_HIGH, _BAR = np.array([0.44, 0.0, 0.47]), np.array([0.375, 0.0, 0.66]), np.array([0.40, 0.0, 0.76])
+_HEAD_LOW, _HEAD_HIGH = np.array([0.44, 0.0, 0.47]), np.array([0.375, 0.0, 0.66])
+_GRIPS = {"left": (0.4, 0.22, 0.76), "right": (0.4, -0.22, 0.76)}
+_BEYOND_M = 0.06  # of the bar, beyond the hands
 _BRACKET = np.zeros(3)
 _TUBE_M, _THIN_M, _TYRE_M, _SPOKE_M = 0.017, 0.009, 0.016, 0.0022
 _SPOKES = 14
@@ -54,30 +57,45 @@ class Part:
         return transform_points(world_T_segment, vertices)
 
 
-def machine_parts(body: BodyModel) -> tuple[Part, ...]:
-    """Parts of a bicycle or snowboard, known by the segments that files of equipment have; none of other equipment."""
+def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, ...]:
+    """Parts of a bicycle or snowboard, known by the segments that files of equipment have; none of other equipment.
+
+    Args:
+        body: with its equipment.
+        lengths: that were estimated (``EquipmentReport``): bar and saddle are where hands and pelvis found them [m].
+    """
     segments = body.equipment_segments
     if {"frame", "crank", "pedal_left", "pedal_right"} <= segments:
-        return tuple(_bicycle(body))
+        return tuple(_bicycle(body, lengths))
     if "board" in segments:
         return tuple(_snowboard(body))
     return ()
 
 
-def _bicycle(body: BodyModel) -> list[Part]:
+def _bicycle(body: BodyModel, lengths: Mapping[str, float]) -> list[Part]:
+    hands = [
+        [lengths.get(f"hand_{side}_{axis}", at) for axis, at in zip("xyz", grip, strict=True)]
+        for side, grip in _GRIPS.items()
+    ]
+    grips = np.array(hands)
+    handlebar = grips.mean(axis=0) * [1.0, 0.0, 1.0]
+    saddle_at = np.array([lengths.get("saddle_x", _SADDLE[0]), 0.0, lengths.get("saddle_z", _SADDLE[2])])
     side = np.array([0.0, 0.055, 0.0])
     stays = [(start, hub + sign * side) for start, hub in ((_BRACKET, _REAR), (_SEAT, _REAR)) for sign in (-1.0, 1.0)]
     forks = [(_HEAD_LOW, _FRONT + sign * side) for sign in (-1.0, 1.0)]
     main = [(_BRACKET, _SEAT), (_SEAT, _HEAD_HIGH), (_BRACKET, _HEAD_LOW), (_HEAD_LOW, _HEAD_HIGH)]
-    bar = np.array([0.0, 0.26, 0.0])
+    bar = np.array([0.0, float(np.abs(grips[:, 1]).max()) + _BEYOND_M, 0.0])
     tubes = [*(_tube(*ends, _TUBE_M) for ends in main), *(_tube(*ends, _THIN_M) for ends in (*stays, *forks))]
-    metal = [_tube(_SEAT, _SADDLE, 0.013), _tube(_HEAD_HIGH, _BAR, 0.013), _tube(_BAR - bar, _BAR + bar, 0.013)]
-    saddle = _mesh(trimesh.creation.box((0.26, 0.13, 0.045)), _SADDLE + [0.0, 0.0, 0.02])
+    metal = [_tube(_SEAT, saddle_at - [0.0, 0.0, 0.04], 0.013), _tube(_HEAD_HIGH, handlebar, 0.013)]
+    metal += [_tube(handlebar - bar, handlebar + bar, 0.013)]
+    # One sits on its upper face.
+    rubber = [_mesh(trimesh.creation.box((0.26, 0.13, 0.045)), saddle_at - [0.0, 0.0, 0.0225])]
+    rubber += [_tube(handlebar + sign * bar, handlebar + 0.55 * sign * bar, 0.017) for sign in (-1.0, 1.0)]
     parts = [
         Part("frame", *join_meshes(tubes), PAINT),
         Part("frame", *join_meshes(metal), METAL),
-        Part("frame", *join_meshes([saddle, _tube(_BAR + bar, _BAR + 0.55 * bar, 0.017), _tube(_BAR - bar, _BAR - 0.55 * bar, 0.017)]), RUBBER),
-    ]  # fmt: skip
+        Part("frame", *join_meshes(rubber), RUBBER),
+    ]
     for hub in (_REAR, _FRONT):
         parts.append(Part("frame", *_ring(hub, WHEEL_M - _TYRE_M, _TYRE_M), RUBBER, hub))
         angles = 2.0 * np.pi * np.arange(_SPOKES) / _SPOKES

@@ -156,7 +156,9 @@ class FilmedMotion:
 
     def __init__(self, solved: SolvedBody, frames: Frames, speed: float = 0.0) -> None:
         self._body = solved.body
-        self._character = Character(solved.body)
+        known = solved.equipment
+        lengths = {} if known is None else dict(zip(known.lengths, known.values.tolist(), strict=True))
+        self._character = Character(solved.body, lengths)
         stamps_ns = frames.stamps_ns
         self.seconds: Array = (stamps_ns - stamps_ns[0]) * 1e-9
         poses = np.moveaxis(solved.world_T_segment, 1, 0)
