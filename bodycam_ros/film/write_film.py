@@ -41,6 +41,8 @@ PICTURES = (".png", ".jpg")
 """Endings of a file that one picture is written to, that of the first time."""
 
 _LEAST_WAY_M = 0.5
+_ON_GROUND = 0.1  # quantile of the lowest points that is on the ground of an environment
+_CONTACT_M, _OFF_GROUND_M = 0.03, 0.15  # heights of what is put onto it, and of what is left where it was
 
 
 @dataclass(frozen=True)
@@ -97,15 +99,13 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
         )
     frames = _frames(request, solved, kind, name)
     environment = request.environment
-    motion = FilmedMotion(solved, frames, 0.0 if environment is None else environment.speed)
+    motion = FilmedMotion(solved, frames)
     place = Place.around(reference_map, motion.boxes[:, 0, 2])
     up = UP
     if environment is not None:
-        route = Route(environment, motion.boxes[0].mean(axis=0), motion.heading)
-        place, up = (
-            Place(float(motion.boxes[:, 0, 2].min()), np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route),
-            route.up,
-        )
+        place = motion.move_into(environment)
+        assert place.route is not None
+        up = place.route.up
     width, height = request.size
     size = (width // 2, height) if request.beside is not None else (width, height)
     shots: Shots
@@ -154,7 +154,7 @@ class FilmedMotion:
         boxes: (F, 2, 3) corners of a box around the person [m].
     """
 
-    def __init__(self, solved: SolvedBody, frames: Frames, speed: float = 0.0) -> None:
+    def __init__(self, solved: SolvedBody, frames: Frames) -> None:
         self._body = solved.body
         known = solved.equipment
         lengths = {} if known is None else dict(zip(known.lengths, known.values.tolist(), strict=True))
@@ -170,14 +170,32 @@ class FilmedMotion:
         roots = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
         self.facing: Array = roots[:, :3, 0].mean(axis=0)
         self.heading = _heading(solved, self.world_T_segment, roots)
-        self._travelled = speed * self.seconds
-        self.world_T_segment[..., :3, 3] += self._travelled[:, None, None] * self.heading
-        self.boxes: Array = np.array([self._box(row) for row in range(len(stamps_ns))])
+        self._travelled = np.zeros(len(stamps_ns))
+        self._measure()
+
+    def move_into(self, environment: Environment) -> Place:
+        """Add the speed of an environment, put what is near the ground onto it, and give the place.
+
+        Heights of up to 3 cm over the ground are taken for contact: a board on its edge, or what was not measured.
+        """
+        lowest = self.boxes[:, 0, 2]
+        ground_m = float(np.quantile(lowest, _ON_GROUND))
+        above = lowest - ground_m
+        share = np.clip((_OFF_GROUND_M - np.abs(above)) / (_OFF_GROUND_M - _CONTACT_M), 0.0, 1.0)
+        self._travelled = environment.speed * self.seconds
+        moved = self._travelled[:, None] * self.heading - (share * above)[:, None] * UP
+        self.world_T_segment[..., :3, 3] += moved[:, None]
+        self._measure()
+        route = Route(environment, self.boxes[0].mean(axis=0), self.heading)
+        return Place(ground_m, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route)
 
     def mesh(self, row: int) -> PosedMesh:
         """The person, with equipment where its pose is known, at a frame."""
         placed, rolled_m = bool(self._placed[row]), float(self._travelled[row])
         return self._character.posed(self.world_T_segment[row], with_equipment=placed, rolled_m=rolled_m)
+
+    def _measure(self) -> None:
+        self.boxes: Array = np.array([self._box(row) for row in range(len(self.seconds))])
 
     def _box(self, row: int) -> Array:
         vertices = self.mesh(row).vertices
