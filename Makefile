@@ -87,7 +87,8 @@ docs/show/follow.jpg: VIEW = --view follow --from 1
 docs/show/camera.jpg: VIEW = --view camera:foot_right --beside foot_right --from 1
 docs/show/beside.jpg: VIEW = --view follow --beside head --from 1
 docs/show/photo.jpg: VIEW = --view photo:ref_0048 --from 0.5
-SHOW := $(addprefix docs/show/,follow.jpg camera.jpg beside.jpg photo.jpg)
+docs/show/road.jpg: VIEW = --environment road --travel 1 --from 1
+SHOW := $(addprefix docs/show/,follow.jpg camera.jpg beside.jpg photo.jpg road.jpg)
 $(SHOW): $(wildcard bodycam_ros/film/*.py) Makefile | $(DEMO)/metadata.yaml
 	mkdir -p $(@D)
 	$(SHOWN) $(VIEW)

@@ -82,7 +82,8 @@ class Environment:
         colours = colours + _grain(along, across, wide)[..., None]
         phase = np.mod(along, _PERIOD_M)
         dash = _band(phase, 0.0, _DASH_M, np.maximum(_change(along), np.float32(1e-4)))
-        for place, share in ((_LEFT_EDGE_M, 1.0), (_MIDDLE_M, dash), (_RIGHT_EDGE_M, 1.0)):
+        whole = np.ones_like(dash)
+        for place, share in ((_LEFT_EDGE_M, whole), (_MIDDLE_M, dash), (_RIGHT_EDGE_M, whole)):
             line = _band(across, place - 0.5 * _LINE_M, place + 0.5 * _LINE_M, wide) * share
             colours = colours + line[..., None] * (_PAINT - colours)
         return np.asarray(colours, np.float32)

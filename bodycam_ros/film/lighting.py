@@ -17,7 +17,7 @@ _SUN, _SKY, _FROM_GROUND = 1.05, 0.62, 0.22  # brightness of each
 _CELL_M = 0.02  # of the shadow on the ground
 _AROUND_M = 0.6  # of the shadow: as far as feet darken the ground around them
 _HIDDEN_SUN, _HIDDEN_SKY = 0.42, 0.30  # how much darker the ground is without each
-_BLUR_CELLS = 1.0
+_SUN_BLUR, _SKY_BLUR = 1.0, 2.5  # of both, in cells: few rays leave edges
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,11 +105,16 @@ def ground_shadow(mesh: PosedMesh, scene: RayScene, ground_m: float) -> GroundSh
     x, y = np.meshgrid(low[0] + _CELL_M * np.arange(columns), low[1] + _CELL_M * np.arange(rows))
     points = np.stack([x.ravel(), y.ravel(), np.full(x.size, ground_m + 0.002)], axis=1)
     sun, sky = free_share(scene, points, _sun_directions()), free_share(scene, points, _sky_directions())
-    light = 1.0 - _HIDDEN_SUN * (1.0 - sun) - _HIDDEN_SKY * (1.0 - sky)
-    blurred = cv2.GaussianBlur(light.reshape(x.shape).astype(np.float32), (0, 0), _BLUR_CELLS)
+    hidden = _HIDDEN_SUN * _blurred(1.0 - sun, x.shape, _SUN_BLUR) + _HIDDEN_SKY * _blurred(
+        1.0 - sky, x.shape, _SKY_BLUR
+    )
     # It ends at one: an edge of the grid is not to be seen.
     edge = np.minimum.outer(_ramp(int(rows)), _ramp(int(columns)))
-    return GroundShadow(low, np.asarray(1.0 - (1.0 - blurred) * edge, np.float32))
+    return GroundShadow(low, np.asarray(1.0 - hidden * edge, np.float32))
+
+
+def _blurred(share: Floats, shape: tuple[int, ...], cells: float) -> Floats:
+    return np.asarray(cv2.GaussianBlur(share.reshape(shape), (0, 0), cells), np.float32)
 
 
 def _ramp(count: int) -> Floats:

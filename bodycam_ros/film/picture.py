@@ -238,7 +238,7 @@ def _line_share(at: Floats) -> Floats:
     wide = np.abs(np.gradient(at, axis=0)) + np.abs(np.gradient(at, axis=1)) + np.float32(1e-6)
     off = np.abs(at - np.round(at))
     share: Floats = np.clip((0.5 * (_LINE_M + wide) - off) / wide, 0.0, 1.0) * np.minimum(1.0, _LINE_M / wide + 0.15)
-    return np.where(wide < _FINEST_M, share, np.float32(0.0))
+    return np.asarray(np.where(wide < _FINEST_M, share, 0.0), np.float32)
 
 
 def _edges(far: Floats, colours: Floats) -> NDArray[np.bool_]:
