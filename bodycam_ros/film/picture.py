@@ -254,4 +254,5 @@ def _toned(light: Floats) -> Floats:
     """Light (N, 3) with what is brighter than a picture can show bent below 1."""
     knee = np.float32(0.7)
     over = np.maximum(light - knee, 0.0)
-    return np.minimum(light, knee) + (1.0 - knee) * (1.0 - np.exp(-over / (1.0 - knee)))
+    toned: Floats = np.minimum(light, knee) + (1.0 - knee) * (1.0 - np.exp(-over / (1.0 - knee)))
+    return toned
