@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--size", type=_size, default=(1920, 1080), metavar="WxH", help="of the video (1920x1080)")
     rate_help = "frames a second of views without images (30)"
     parser.add_argument("--rate", type=number(float, 1.0, 240.0, "Hz"), default=30.0, metavar="HZ", help=rate_help)
-    environment_help = "show a place that was not there: road, or slope:30, of so many degrees"
+    environment_help = "show a place that was not there: road, slope:30 of so many degrees, or FILE.glb"
     parser.add_argument("--environment", metavar="PLACE", help=environment_help)
     travel_help = "with --environment: speed that is added to the motion (0)"
     speed = number(float, 0.0, 60.0, "m/s")

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -9,9 +10,10 @@ import numpy as np
 from bodycam_ros.errors import ViewError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.film.ray_scene import Floats
+from bodycam_ros.film.scenery import SUFFIX, Scenery, read_scenery
 from bodycam_ros.geometry import Array
 
-ROAD, SLOPE = "road", "slope"
+ROAD, SLOPE, SCENERY = "road", "slope", "scenery"
 STEEPEST_DEG = 60.0
 
 _ASPHALT, _VERGE, _PAINT = (np.array(c, np.float32) for c in ((104, 101, 98), (104, 138, 124), (232, 236, 238)))
@@ -31,22 +33,26 @@ class Environment:
     A slope is level in the frame of the film, in which up is not z: the motion was recorded on a level floor.
 
     Attributes:
-        kind: ``ROAD`` or ``SLOPE``.
+        kind: ``ROAD``, ``SLOPE`` or ``SCENERY``.
         angle: of a slope to the level [rad].
         speed: that is added to the motion [m/s].
+        scenery: of ``SCENERY``, its origin where the motion starts, and x where it goes.
     """
 
     kind: str
     angle: float = 0.0
     speed: float = 0.0
+    scenery: Scenery | None = None
 
     @classmethod
     def parse(cls, text: str, speed: float) -> "Environment":
-        """An environment as a user writes it: ``road``, or ``slope:30`` with degrees.
+        """An environment as a user writes it: ``road``, ``slope:30`` with degrees, or the name of a glTF binary file.
 
         Raises:
-            ViewError: it is neither.
+            ViewError: it is none of them, or the file cannot be read.
         """
+        if text.lower().endswith(SUFFIX):
+            return cls(SCENERY, 0.0, speed, read_scenery(Path(text)))
         if text == ROAD:
             return cls(ROAD, 0.0, speed)
         slope = re.fullmatch(rf"{SLOPE}:(\d+(?:\.\d+)?)", text)

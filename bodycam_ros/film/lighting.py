@@ -61,7 +61,7 @@ def lit_mesh(mesh: PosedMesh, scene: RayScene) -> LitMesh:
     """Light on each vertex of a mesh, by rays in its own scene."""
     normals = vertex_normals(mesh.vertices, mesh.triangles)
     origins = mesh.vertices + np.float32(_OFF_M) * normals
-    sun = free_share(scene, origins, _sun_directions())
+    sun = free_share(scene, origins, sun_directions())
     received, most = np.zeros(len(normals), np.float32), np.zeros(len(normals), np.float32)
     for direction in _sky_directions().astype(np.float32):
         facing = normals @ direction
@@ -104,7 +104,7 @@ def ground_shadow(mesh: PosedMesh, scene: RayScene, ground_m: float) -> GroundSh
     columns, rows = np.ceil((high - low) / _CELL_M).astype(int) + 1
     x, y = np.meshgrid(low[0] + _CELL_M * np.arange(columns), low[1] + _CELL_M * np.arange(rows))
     points = np.stack([x.ravel(), y.ravel(), np.full(x.size, ground_m + 0.002)], axis=1)
-    sun, sky = free_share(scene, points, _sun_directions()), free_share(scene, points, _sky_directions())
+    sun, sky = free_share(scene, points, sun_directions()), free_share(scene, points, _sky_directions())
     hidden = _HIDDEN_SUN * _blurred(1.0 - sun, x.shape, _SUN_BLUR) + _HIDDEN_SKY * _blurred(
         1.0 - sky, x.shape, _SKY_BLUR
     )
@@ -124,11 +124,12 @@ def _ramp(count: int) -> Floats:
     return ramp
 
 
-def _sun_directions() -> NDArray[np.float64]:
+def sun_directions(count: int = _SUN_RAYS) -> NDArray[np.float64]:
+    """(count, 3) directions to points of the sun, evenly over it."""
     aside = np.cross(SUN, [0.0, 0.0, 1.0])
     aside /= np.linalg.norm(aside)
     across = np.cross(SUN, aside)
-    radii, angles = _SUN_RADIUS * np.sqrt((np.arange(_SUN_RAYS) + 0.5) / _SUN_RAYS), _turns(_SUN_RAYS)
+    radii, angles = _SUN_RADIUS * np.sqrt((np.arange(count) + 0.5) / count), _turns(count)
     offsets = radii[:, None] * (np.cos(angles)[:, None] * aside + np.sin(angles)[:, None] * across)
     directions: NDArray[np.float64] = SUN + offsets
     return directions

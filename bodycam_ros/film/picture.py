@@ -1,5 +1,6 @@
 """One picture of a film: ground and sky or a recorded image, the shadow, the points of the map, and the person."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,6 +33,10 @@ _POINT_M, _SMALLEST_PX, _LARGEST_PX = 0.008, 1.1, 4.5  # radius of a point
 _PALE, _PALE_FAR = 0.2, 0.65  # how much of the horizon's colour a point has, near and far: the person stands out
 _NEAR, _NEAR_GROUND = 0.75, 0.2  # of the person's distance: nearer points would hide the person, and are left out
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
+
+
+Shade = Callable[[Floats], tuple[Floats, Floats, Floats]]
+"""Of rays (N, 3): light (N, 3), the share that meets something (N,), and how far away (N,) [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,22 +95,34 @@ class PictureMaker:
         ground = self.place.ground_m
         shadow = None if ground is None or not shaded else ground_shadow(mesh, scene, ground)
         surface = self.place.surface if hidden else None
-        picture = self._background(world_T_camera, mesh, shadow, surface) if image is None else image.copy()
+        if self.place.scenery is not None:
+            surface = self.place.scenery.rays
+        picture = self._background(world_T_camera, mesh, scene, shadow, surface) if image is None else image.copy()
         if image is not None and shadow is not None:
             self._darken(picture, world_T_camera, shadow, surface)
         self._draw_person(picture, lit, scene, world_T_camera, surface)
         return picture
 
     def _background(
-        self, world_T_camera: Array, mesh: PosedMesh, shadow: GroundShadow | None, surface: RayScene | None
+        self,
+        world_T_camera: Array,
+        mesh: PosedMesh,
+        scene: RayScene,
+        shadow: GroundShadow | None,
+        surface: RayScene | None,
     ) -> Image:
         directions = self._directions(world_T_camera)
-        route = self.place.route
+        route, scenery = self.place.route, self.place.scenery
         rise = (directions @ (UP if route is None else route.up).astype(np.float32))[..., None]
         # Brightest at the horizon, where the ground fades into it.
         share = np.clip(rise / 0.5, 0.0, 1.0)
         picture: Floats = (1.0 - share) * _HORIZON + share * (_SKY if route is None else _OPEN_SKY)
         near = mesh.vertices.mean(axis=0)
+        if scenery is not None:
+            pixels = np.clip(picture, 0.0, 255.0).astype(np.uint8)
+            whole = 0, self.lens.height, 0, self.lens.width
+            self._trace(pixels, whole, world_T_camera, lambda rays: scenery.shade(world_T_camera[:3, 3], rays, scene))
+            return pixels
         if self.place.ground_m is not None and shadow is not None:
             x, y, is_ground, _ = self._on_ground(world_T_camera, directions)
             away = np.hypot(x - near[0], y - near[1])
@@ -174,16 +191,9 @@ class PictureMaker:
         self, picture: Image, lit: LitMesh, scene: RayScene, world_T_camera: Array, surface: RayScene | None
     ) -> None:
         """Trace the pixels around the person, those at edges with many rays, and blend by the share that is met."""
-        top, bottom, left, right = self._around(lit.mesh, world_T_camera)
-        if top >= bottom or left >= right:
-            return
-        rotation = world_T_camera[:3, :3].T.astype(np.float32)
-        bearings, valid = (each[top:bottom, left:right] for each in self._bearings)
-        height, width = valid.shape
         origin = world_T_camera[:3, 3]
 
         def shade(directions: Floats) -> tuple[Floats, Floats, Floats]:
-            """Colours (N, 3), whether the person is met (N,), and how far (N,)."""
             hits = scene.trace(origin, directions)
             rows = np.flatnonzero(hits.met)
             if surface is not None and len(rows):
@@ -195,6 +205,16 @@ class PictureMaker:
             met[rows], far[rows] = 1.0, hits.distances[rows]
             return colours, met, far
 
+        self._trace(picture, self._around(lit.mesh, world_T_camera), world_T_camera, shade)
+
+    def _trace(self, picture: Image, around: tuple[int, int, int, int], world_T_camera: Array, shade: Shade) -> None:
+        """Draw what rays of a part of the picture meet."""
+        top, bottom, left, right = around
+        if top >= bottom or left >= right:
+            return
+        rotation = world_T_camera[:3, :3].T.astype(np.float32)
+        bearings, valid = (each[top:bottom, left:right] for each in self._bearings)
+        height, width = valid.shape
         colours, met, far = shade((bearings @ rotation).reshape(-1, 3))
         at_edge = _edges(far.reshape(height, width), colours.reshape(height, width, 3)).ravel()
         rows = np.flatnonzero(at_edge)

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.ray_scene import RayScene
+from bodycam_ros.film.scenery import Scenery
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -50,6 +51,7 @@ class Place:
         colours: (N, 3) uint8 red, green, blue.
         normals: (N, 3) of the surfaces that points lie on; None of a map without photographs.
         route: an environment in place of the one that was there.
+        scenery: meshes of that environment, in the world; they hide what is behind them.
     """
 
     ground_m: float | None
@@ -57,6 +59,7 @@ class Place:
     colours: NDArray[np.uint8]
     normals: Array | None
     route: Route | None = None
+    scenery: Scenery | None = None
 
     @classmethod
     def around(cls, reference_map: ReferenceMap | None, lowest: Array) -> "Place":

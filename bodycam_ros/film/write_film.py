@@ -28,7 +28,7 @@ from bodycam_ros.film.shots import (
 )
 from bodycam_ros.film.views import OUTSIDE, UP
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.video_encoder import video_writer
@@ -187,7 +187,11 @@ class FilmedMotion:
         self.world_T_segment[..., :3, 3] += moved[:, None]
         self._measure()
         route = Route(environment, self.boxes[0].mean(axis=0), self.heading)
-        return Place(ground_m, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route)
+        scenery = environment.scenery
+        if scenery is not None:
+            axes = np.stack([self.heading, np.cross(UP, self.heading), UP], axis=1)
+            scenery = scenery.placed(rigid(axes, np.append(route.start[:2], ground_m)))
+        return Place(ground_m, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route, scenery)
 
     def mesh(self, row: int) -> PosedMesh:
         """The person, with equipment where its pose is known, at a frame."""

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-import trimesh
+from helpers.filmed_ball import SIZE, ball
 
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import ViewError
-from bodycam_ros.film.character import PALETTE, PosedMesh
 from bodycam_ros.film.lighting import SUN
 from bodycam_ros.film.picture import PictureMaker
 from bodycam_ros.film.place import Place
@@ -14,17 +13,9 @@ from bodycam_ros.film.ray_scene import RayScene
 from bodycam_ros.film.views import fitted_lens, fitted_window, looking_at, outside_lens
 from bodycam_ros.geometry import inverse, transform_points
 
-SIZE = (320, 240)
 EMPTY = Place(0.0, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None)
 FISHEYE = CameraModel("fisheye", *SIZE, 95.0, 96.0, 158.0, 121.0, (0.03, -0.01, 0.002, 0.0), "equidistant")
 GREY = np.full((SIZE[1], SIZE[0], 3), 128, np.uint8)
-
-
-def ball(centre: list[float], radius: float) -> PosedMesh:
-    mesh = trimesh.creation.icosphere(subdivisions=4, radius=radius)
-    shares = np.zeros((len(mesh.vertices), len(PALETTE)), np.float32)
-    shares[:, 0] = 1.0
-    return PosedMesh((mesh.vertices + centre).astype(np.float32), mesh.faces.astype(np.int32), shares)
 
 
 def wall(spacing_m: float) -> Place:
