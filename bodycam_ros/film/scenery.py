@@ -112,4 +112,5 @@ def _face_colours(mesh: Any) -> Floats:
             colours = np.broadcast_to(mesh.visual.material.main_color, (len(mesh.faces), 4))
     else:
         colours = np.asarray(mesh.visual.face_colors)
-    return ((colours[:, :3] / 255.0) ** GAMMA).astype(np.float32)
+    light: Floats = ((colours[:, :3] / 255.0) ** GAMMA).astype(np.float32)
+    return light
