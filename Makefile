@@ -83,7 +83,7 @@ kernels: $(VENV)/runtime.stamp
 
 # Pictures of docs/show.md, each by the command that it shows.
 SHOWN = $(BIN)/bodycam film $(DEMO) --map bags/map --recording bags/sample/bag --size 1280x720 --force -o $@
-docs/show/follow.jpg: VIEW = --view follow --from 1
+docs/show/follow.jpg: VIEW = --view follow --from 1.75
 docs/show/camera.jpg: VIEW = --view camera:foot_right --beside foot_right --from 1
 docs/show/beside.jpg: VIEW = --view follow --beside head --from 1
 docs/show/photo.jpg: VIEW = --view photo:ref_0048 --from 0.5

@@ -30,13 +30,13 @@ _JUMP_M = 0.03  # of the distance between neighbouring pixels, at an edge
 _AHEAD_M = 0.06  # of a mapped surface before what it hides
 _DENSE = 0.5  # of the picture covered by mapped surfaces: with less they hide nothing
 _POINT_M, _SMALLEST_PX, _LARGEST_PX = 0.008, 1.1, 4.5  # radius of a point
-_PALE, _PALE_FAR = 0.2, 0.65  # how much of the horizon's colour a point has, near and far: the person stands out
+_PALE, _PALE_FAR = 0.38, 0.72  # how much of the horizon's colour a point has, near and far: the person stands out
 _NEAR, _NEAR_GROUND = 0.75, 0.2  # of the person's distance: nearer points would hide the person, and are left out
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
 
 
 Shade = Callable[[Floats], tuple[Floats, Floats, Floats]]
-"""Of rays (N, 3): light (N, 3), the share that meets something (N,), and how far away (N,) [m]."""
+"""Rays (N, 3) -> light (N, 3) against them, the share that meets something (N,), and how far away (N,) [m]."""
 
 
 @dataclass(frozen=True, eq=False)
