@@ -1,9 +1,10 @@
 """A film of a solved body, or one picture of it."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -99,7 +100,7 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
         )
     frames = _frames(request, solved, kind, name)
     environment = request.environment
-    motion = FilmedMotion(solved, frames)
+    motion = FilmedMotion(solved, frames, progress)
     place = Place.around(reference_map, motion.boxes[:, 0, 2])
     up = UP
     if environment is not None:
@@ -154,7 +155,7 @@ class FilmedMotion:
         boxes: (F, 2, 3) corners of a box around the person [m].
     """
 
-    def __init__(self, solved: SolvedBody, frames: Frames) -> None:
+    def __init__(self, solved: SolvedBody, frames: Frames, progress: Progress | None = None) -> None:
         self._body = solved.body
         known = solved.equipment
         lengths = {} if known is None else dict(zip(known.lengths, known.values.tolist(), strict=True))
@@ -171,7 +172,9 @@ class FilmedMotion:
         self.facing: Array = roots[:, :3, 0].mean(axis=0)
         self.heading = _heading(solved, self.world_T_segment, roots)
         self._travelled = np.zeros(len(stamps_ns))
-        self._measure()
+        step: Any = nullcontext(int) if progress is None else progress.step("way of the person", len(stamps_ns))
+        with step as advance:
+            self.boxes: Array = np.array([self._box(row, advance) for row in range(len(stamps_ns))])
 
     def move_into(self, environment: Environment) -> Place:
         """Add the speed of an environment, put what is near the ground onto it, and give the place.
@@ -185,7 +188,7 @@ class FilmedMotion:
         self._travelled = environment.speed * self.seconds
         moved = self._travelled[:, None] * self.heading - (share * above)[:, None] * UP
         self.world_T_segment[..., :3, 3] += moved[:, None]
-        self._measure()
+        self.boxes += moved[:, None]
         route = Route(environment, self.boxes[0].mean(axis=0), self.heading)
         scenery = environment.scenery
         if scenery is not None:
@@ -198,10 +201,8 @@ class FilmedMotion:
         placed, rolled_m = bool(self._placed[row]), float(self._travelled[row])
         return self._character.posed(self.world_T_segment[row], with_equipment=placed, rolled_m=rolled_m)
 
-    def _measure(self) -> None:
-        self.boxes: Array = np.array([self._box(row) for row in range(len(self.seconds))])
-
-    def _box(self, row: int) -> Array:
+    def _box(self, row: int, advance: Callable[[], object]) -> Array:
+        advance()
         vertices = self.mesh(row).vertices
         return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
 
