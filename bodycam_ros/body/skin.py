@@ -12,15 +12,14 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, diags_array
-from scipy.spatial import cKDTree
 
 from bodycam_ros.body import average_person as person
 from bodycam_ros.body.body_model import BONE_RADIUS_M, BodyModel
-from bodycam_ros.body.limb_mesh import Limb, hand_limb, limbs_by_segment
-from bodycam_ros.body.segment_name import LEFT, RIGHT, SegmentName
-from bodycam_ros.body.skin_mesh import skin_mesh
-from bodycam_ros.body.surface import Faces
+from bodycam_ros.body.limb_mesh import Limb, capsule_surfaces, hand_limb, limbs_by_segment
+from bodycam_ros.body.posture import raised
+from bodycam_ros.body.segment_name import SegmentName
+from bodycam_ros.body.skin_mesh import joined_mesh, skin_mesh
+from bodycam_ros.body.surface import Faces, Surface
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, rigid, transform_points
 
@@ -85,21 +84,32 @@ class SkinnedSurface:
         return inverse(self.bone_poses(self.rest))
 
 
-def skinned_body(body: BodyModel) -> SkinnedSurface:
-    """The skin of a body, as thick as its girths say, in a pose with arms and legs apart.
+def skinned_body(body: BodyModel, scanned: Mapping[str, Surface] | None = None) -> SkinnedSurface:
+    """The skin of a body, as thick as its girths say, or as it was scanned, in a pose with arms and legs apart.
 
     Equipment has none. A person without hands has hands on the forearms.
 
+    Args:
+        body: of which some segments have a length.
+        scanned: segment -> its closed surface, of some segments; they are joined as they are.
+
     Raises:
-        BodyError: no segment has a length to put a skin around.
+        BodyError: no segment has a length to put a skin around, or a scanned surface is not closed.
     """
     limbs = limbs_by_segment(body)
     if not limbs:
         raise BodyError(f"body {body.name}: no segment has a length, so there is nothing to put a skin around")
     limbs = {segment: [*parts, *_stiff_hand(body, segment)] for segment, parts in limbs.items()}
-    rest, stature_m = _apart(body), person.stature_of(body)
-    placed = [(rest[body.segment_index[segment]], limb) for segment, parts in limbs.items() for limb in parts]
-    vertices, triangles = skin_mesh(placed, _EDGE * stature_m, stature_m)
+    stature_m = person.stature_of(body)
+    rest = raised(body, raised(body, body.n_pose(np.eye(4)), "upper_arm", _ARMS), "thigh", _LEGS)
+    pose = {segment: rest[body.segment_index[segment]] for segment in body.segments}
+    if scanned:
+        surfaces = capsule_surfaces(body) | {s: each for s, each in scanned.items() if s not in body.equipment_segments}
+        placed = {s: (pose[s], surface) for s, surface in surfaces.items()}
+        vertices, triangles = joined_mesh(placed, _EDGE * stature_m)
+    else:
+        around = [(pose[segment], limb) for segment, parts in limbs.items() for limb in parts]
+        vertices, triangles = skin_mesh(around, _EDGE * stature_m, stature_m)
     distances = _bone_distances(vertices, body, limbs, rest)
     carried = [body.segment_index[segment] for segment in limbs]
     joints = [(body.segment_index[joint.parent], body.segment_index[joint.child]) for joint in body.tree_joints]
@@ -111,28 +121,6 @@ def skinned_body(body: BodyModel) -> SkinnedSurface:
     bones[heaviest == 0.0] = 0
     heaviest /= heaviest.sum(axis=1, keepdims=True)
     return SkinnedSurface(vertices, triangles, bones, heaviest, rest, rest, halves)
-
-
-def _apart(body: BodyModel) -> Array:
-    """Poses root_T_segment (S, 4, 4) in which arms and legs touch nothing [m]."""
-    poses = body.n_pose(np.eye(4))
-    for kind, angle in (("upper_arm", _ARMS), ("thigh", _LEGS)):
-        for side, sign in ((LEFT, 1.0), (RIGHT, -1.0)):
-            poses = raised(body, poses, f"{kind}{side}", sign * angle)
-    return poses
-
-
-def raised(body: BodyModel, poses: Array, segment: str, angle: float) -> Array:
-    """Poses (S, 4, 4) with a segment and what hangs on it turned about x through its origin [rad]; if it exists."""
-    row = body.segment_index.get(segment)
-    if row is None:
-        return poses
-    origin = rigid(np.eye(3), poses[row, :3, 3])
-    turn = origin @ rigid(exp_so3(np.array([angle, 0.0, 0.0])), np.zeros(3)) @ inverse(origin)
-    below = body.rows_below.get(row, [row])
-    turned: Array = poses.copy()
-    turned[below] = turn @ poses[below]
-    return turned
 
 
 def _stiff_hand(body: BodyModel, segment: str) -> list[Limb]:
@@ -174,6 +162,9 @@ def _bone_ends(body: BodyModel, segment: str, parts: list[Limb]) -> list[Array]:
 
 def _bone_weights(vertices: Array, triangles: Faces, distances: Array, halves: NDArray[np.intp], rest: Array) -> Array:
     """Weights (V, S + H): each vertex moves with its nearest segment, and near a joint with the joint's half bone."""
+    from scipy.sparse import csr_array, diags_array  # a quarter of a second to load, with the trees of points
+    from scipy.spatial import cKDTree
+
     owners = distances.argmin(axis=1)
     every = np.arange(len(vertices))
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])

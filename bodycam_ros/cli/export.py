@@ -36,6 +36,16 @@ _OPTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
         "mass of the whole person: links get an inertial, by de Leva 1996 (default: none)",
         {"type": float, "metavar": "KG"},
     ),
+    "character": (
+        "rigged character of yours, .glb or .vrm, that moves instead of the body; bones are known by the names of "
+        "Mixamo, Unreal, Blender, the CMU, 3ds Max and VRM",
+        {"type": Path, "metavar": "FILE"},
+    ),
+    "surface": (
+        "scan of the person, a mesh per segment (thigh_left.obj or .ply), that is the skin; others have their girths",
+        {"type": Path, "metavar": "FOLDER"},
+    ),
+    "bones": ("names of the character's bones, lines such as 'thigh_left: NAME'", {"type": Path, "metavar": "YAML"}),
 }
 """Field of ``MotionOptions`` -> its meaning, and how it is parsed."""
 
@@ -78,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
         return _export_robot(arguments, options)
     if given := given_flags(arguments, "urdf", "mapping"):
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
-    check_output(output, sources)
+    check_output(output, (*sources, options.character, options.bones, options.surface))
     with shown_progress() as progress:
         written = export(sources, arguments.to, output, arguments.force, options, progress, span)
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")

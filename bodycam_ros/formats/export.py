@@ -106,7 +106,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "glb": Format(
         "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web", glb.MARK, glb.write_glb,
-        _FIGURE,
+        _FIGURE | {"character", "bones", "surface"},
     ),
     "csv": Format(
         "positions, quaternions and joint angles, a row per frame, for spreadsheets", csv.MARK, csv.write_csv, _RATE,
@@ -122,7 +122,8 @@ FORMATS: Mapping[str, Format] = {
         _RATE, has_equipment=True,
     ),
     "usd": Format(
-        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, usd.write_usd, _FIGURE,
+        "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, usd.write_usd,
+        _FIGURE | {"surface"},
         is_even=True,
     ),
 }  # fmt: skip

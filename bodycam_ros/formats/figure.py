@@ -12,11 +12,12 @@ from functools import cached_property
 import numpy as np
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.segment_name import LEFT, RIGHT, SegmentName
+from bodycam_ros.body.posture import raised
+from bodycam_ros.body.segment_name import LEFT, SegmentName
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.markers import bone_tip
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion, change_axes
-from bodycam_ros.geometry import Array, exp_so3, inverse, rigid
+from bodycam_ros.geometry import Array, rigid
 from bodycam_ros.kinematics.joint_angles import EulerOrder
 
 WORLD_R_REST = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])  # ours faces along x
@@ -116,19 +117,10 @@ class Figure:
 def rest_pose(body: BodyModel, name: str) -> Array:
     """Poses root_T_segment (S, 4, 4) of a body in a rest pose, a key of ``REST_POSES`` [m].
 
-    Arms are raised about the axis that points forward, palms then face down. A body without arms stands as in the
+    Palms of raised arms face down. A body without arms stands as in the
     N-pose.
     """
-    poses = body.n_pose(np.eye(4))
-    for side, sign in ((LEFT, 1.0), (RIGHT, -1.0)):
-        row = body.segment_index.get(f"upper_arm{side}")
-        if row is None:
-            continue
-        shoulder = rigid(np.eye(3), poses[row, :3, 3])
-        raised = rigid(exp_so3(np.array([sign * REST_POSES[name], 0.0, 0.0])), np.zeros(3))
-        below = body.rows_below.get(row, [row])
-        poses[below] = shoulder @ raised @ inverse(shoulder) @ poses[below]
-    return poses
+    return raised(body, body.n_pose(np.eye(4)), "upper_arm", REST_POSES[name])
 
 
 def bone_names(segments: Sequence[str], convention: str | None) -> tuple[str, ...]:

@@ -17,13 +17,9 @@ from scipy.spatial.transform import Rotation, Slerp
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.formats.captured_motion import MOST_BYTES, Y_UP_TO_Z_UP, CapturedMotion, checked_stamps
+from bodycam_ros.formats.gltf_container import MAGIC, accessor_values, glb_chunks
 from bodycam_ros.geometry import Array, nearest_rotation
 
-_MAGIC = b"glTF"
-_JSON = 0x4E4F534A
-_BINARY = 0x004E4942
-_DTYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5126: "<f4"}
-_WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
 _REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 _MOST_NODES, _MOST_VALUES = 10_000, 100_000_000
 _DATA = "base64,"
@@ -38,28 +34,10 @@ def read_gltf(path: Path) -> CapturedMotion:
     """
     content = read_bytes(path, "glTF file", RecordingError, MOST_BYTES)
     try:
-        document, binary = _chunks(content) if content[:4] == _MAGIC else (json.loads(content), b"")
+        document, binary = glb_chunks(content) if content[:4] == MAGIC else (json.loads(content), b"")
         return _motion(path, document, binary)
     except (KeyError, IndexError, TypeError, AttributeError, struct.error, RecursionError) as error:
         raise ValueError(f"a part of it is missing or of another kind: {error}") from error
-
-
-def _chunks(content: bytes) -> tuple[Any, bytes]:
-    """The document and the binary of a GLB."""
-    document = None
-    binary = b""
-    at = 12
-    while at + 8 <= len(content):
-        length, kind = struct.unpack_from("<II", content, at)
-        part = content[at + 8 : at + 8 + length]
-        if len(part) < length:
-            raise ValueError(f"it ends {length - len(part)} bytes too early")
-        if kind == _JSON:
-            document = json.loads(part)
-        elif kind == _BINARY and not binary:
-            binary = part
-        at += 8 + length
-    return document, binary
 
 
 def _motion(path: Path, document: Any, binary: bytes) -> CapturedMotion:
@@ -71,7 +49,10 @@ def _motion(path: Path, document: Any, binary: bytes) -> CapturedMotion:
     buffers = [_buffer(path, buffer, binary) for buffer in document.get("buffers", [])]
     animation = document["animations"][0]
     samplers = [
-        (*(_values(document, buffers, sampler[key]) for key in ("input", "output")), sampler.get("interpolation", ""))
+        (
+            *(accessor_values(document, buffers, sampler[key]) for key in ("input", "output")),
+            sampler.get("interpolation", ""),
+        )
         for sampler in animation["samplers"]
     ]
     animated = {
@@ -114,30 +95,6 @@ def _buffer(path: Path, buffer: Mapping[str, Any], binary: bytes) -> bytes:
     if Path(uri).name != uri:
         raise ValueError(f"a buffer is in another folder ({uri[:100]}); put it beside the file")
     return read_bytes(path.parent / uri, "buffer of a glTF", RecordingError, MOST_BYTES)
-
-
-def _values(document: Any, buffers: Sequence[bytes], number: int) -> Array:
-    """The numbers (N, width) of an accessor."""
-    accessor = document["accessors"][number]
-    view = document["bufferViews"][accessor["bufferView"]]
-    dtype = np.dtype(_DTYPES[accessor["componentType"]])
-    width = _WIDTHS[accessor["type"]]
-    count = accessor["count"]
-    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
-    stride = view.get("byteStride", 0) or dtype.itemsize * width
-    content = buffers[view.get("buffer", 0)]
-    needed = start + stride * (count - 1) + dtype.itemsize * width
-    if not 0 < count or not 0 <= start or needed > len(content) or stride < dtype.itemsize * width:
-        raise ValueError(f"its numbers {number} are not in its buffer")
-    rows = np.lib.stride_tricks.as_strided(
-        np.frombuffer(content, np.uint8, offset=start), (count, dtype.itemsize * width), (stride, 1)
-    )
-    values = np.ascontiguousarray(rows).view(dtype).astype(np.float64)
-    if dtype.kind in "iu":
-        values = np.maximum(values / np.iinfo(dtype).max, -1.0)  # normalised, as animations have them
-    if not np.isfinite(values).all():
-        raise ValueError(f"its numbers {number} are not finite")
-    return values
 
 
 _Animated = Mapping[tuple[int, str], tuple[Array, Array, str]]

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +50,9 @@ class MotionOptions:
         names: of the bones, a key of ``figure.BONE_NAMES``.
         segment: segment or camera whose trajectory is written, or "all".
         mass: of the whole person [kg].
+        character: GLB or VRM of a rigged character that moves instead of the body.
+        bones: YAML with the names of its bones.
+        surface: folder with scanned meshes of segments, which are the skin.
 
     Raises:
         SettingsError: a value out of its range.
@@ -61,6 +65,9 @@ class MotionOptions:
     names: str | None = None
     segment: str | None = None
     mass: float | None = None
+    character: Path | None = None
+    bones: Path | None = None
+    surface: Path | None = None
 
     def __post_init__(self) -> None:
         for name, value, largest, unit in (

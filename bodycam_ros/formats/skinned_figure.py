@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from bodycam_ros.body.limb_mesh import limbs_by_segment
 from bodycam_ros.body.skin import skinned_body
 from bodycam_ros.body.surface import Faces
+from bodycam_ros.body.surface_folder import read_surfaces
+from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import WORLD_R_REST, Figure, rest_pose
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion, change_axes
 from bodycam_ros.geometry import Array, rigid
@@ -39,14 +41,18 @@ class SkinnedFigure:
         """The figure of a motion, as ``Figure.from_motion`` has it, in its skin.
 
         Raises:
-            BodyError: two bones would have the same name, or a chain of them is too long.
+            BodyError: two bones would have the same name, or a chain of them is too long; or the scan cannot be used.
         """
         figure, body = Figure.from_motion(motion, options, up), motion.body
         if not limbs_by_segment(body):
             none = np.empty((0, 3))
             return cls(figure, none, none, none.astype(np.int32), np.empty((0, 4), np.intp), np.empty((0, 4)))
         rest = rest_pose(body, options.pose or "N")
-        skin = skinned_body(body).rebound(rest)
+        scanned = None if options.surface is None else read_surfaces(options.surface, body)
+        try:
+            skin = skinned_body(body, scanned).rebound(rest)
+        except BodyError as error:
+            raise BodyError(f"{options.surface or motion.path}: {error}") from error
         program_R_world, scale = UP_AXES[options.up or up], options.scale or 1.0
         program_R_rest = program_R_world @ WORLD_R_REST
         rows = {body.segment_index[segment]: row for row, segment in enumerate(figure.segments)}

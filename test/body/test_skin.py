@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from bodycam_ros.body.average_person import stature_of
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import capsule_surfaces
 from bodycam_ros.body.skin import SkinnedSurface, skinned_body
+from bodycam_ros.body.surface import Surface
+from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import exp_so3, inverse, rigid, transform_points
 
 Array = NDArray[np.float64]
@@ -144,3 +147,26 @@ def test_bones_of_many_poses_are_those_of_each(skin: SkinnedSurface, body: BodyM
     poses = np.stack([bent(body, skin.rest, "shin_left", degrees) for degrees in (0.0, 30.0, 90.0)])
     each = np.stack([skin.bone_poses(pose) for pose in poses])
     np.testing.assert_allclose(skin.bone_poses(poses), each, rtol=0.0, atol=1e-12)
+
+
+def test_a_scan_is_the_skin(body: BodyModel) -> None:
+    """A scanned head of twice the size, and all else as capsules."""
+    head = capsule_surfaces(body)["head"]
+    scan = skinned_body(body, {"head": Surface(2.0 * head.vertices, head.faces)})
+    mesh = trimesh.Trimesh(scan.vertices, scan.triangles, process=False)
+    assert mesh.is_watertight and mesh.body_count == 1
+    np.testing.assert_allclose(scan.weights.sum(axis=1), 1.0, rtol=0.0, atol=1e-12)
+    grown = np.ptp(scan.vertices[:, 2]) - np.ptp(skinned_body(body).vertices[:, 2])
+    assert grown == pytest.approx(head.vertices[:, 2].max(), abs=0.01)
+
+
+def test_a_scan_bends_without_inverted_triangles(body: BodyModel) -> None:
+    scan = skinned_body(body, capsule_surfaces(body)).rebound(body.n_pose(np.eye(4)))
+    for segment, degrees in (("shin_left", 120.0), ("forearm_left", -120.0)):
+        assert not inverted(scan, bent(body, scan.rest, segment, degrees)).any()
+
+
+def test_a_scan_with_a_hole_is_refused_by_name(body: BodyModel) -> None:
+    head = capsule_surfaces(body)["head"]
+    with pytest.raises(BodyError, match="surface of head is not closed"):
+        skinned_body(body, {"head": Surface(head.vertices, head.faces[:-3])})

@@ -15,6 +15,7 @@ from helpers.known_walk import Walk, write_solved
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from bodycam_ros.body.limb_mesh import capsule_surfaces
 from bodycam_ros.body.skin import skinned_body
 from bodycam_ros.cli.main import main
 from bodycam_ros.formats.figure import BONE_NAMES, bone_names, rest_pose
@@ -286,3 +287,22 @@ def test_several_recordings_are_a_file_each(walked: Exported, walk: Walk, tmp_pa
     assert len(trc_markers(tmp_path / "all" / "second_out.trc")[1]) == 30
     assert main(arguments) == 1
     assert main([*arguments, "--force"]) == 0
+
+
+def test_a_scan_is_the_skin_of_a_glb(
+    sample_exported: Exported, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head = capsule_surfaces(read_solved_body(sample_exported.out).body)["head"]
+    trimesh.Trimesh(head.vertices * [1.0, 1.0, 1.5], head.faces, process=False).export(tmp_path / "head.obj")
+    own = pygltflib.GLTF2().load(str(sample_exported.file("glb", "--pose", "T", name="own")))
+    scanned = pygltflib.GLTF2().load(
+        str(sample_exported.file("glb", "--pose", "T", "--surface", str(tmp_path), name="scanned"))
+    )
+    tall = [accessor(read, read.meshes[0].primitives[0].attributes.POSITION)[:, 1].max() for read in (own, scanned)]
+    assert tall[1] - tall[0] == pytest.approx(0.5 * head.vertices[:, 2].max(), abs=0.01)
+    trimesh.Trimesh(head.vertices, head.faces[:-3], process=False).export(tmp_path / "head.obj")
+    output = sample_exported.folder / "open.glb"
+    command = ["export", str(sample_exported.out), "--to", "glb", "--surface", str(tmp_path), "-o", str(output)]
+    assert main(command) == 1
+    assert f"{tmp_path}: the surface of head is not closed" in " ".join(capsys.readouterr().err.split())
+    assert not output.exists()

@@ -13,6 +13,8 @@ import numpy as np
 import pytest
 from helpers.exported_files import JOINT_M, Exported
 from helpers.known_walk import Walk, write_solved
+from helpers.read_glb import ReadGlb
+from helpers.rigged_character import Build, bone_names, write_character
 from numpy.typing import NDArray
 
 from bodycam_ros.body.skin import skinned_body
@@ -66,6 +68,15 @@ def test_in_blender_the_body_is_upright_and_walks_where_it_walked(exported: Expo
         np.testing.assert_allclose(said["skin"], posed_skin(exported, pose), rtol=0.0, atol=JOINT_M)
         assert said["bones_of_a_vertex"] == 4
         assert said["weights"] == pytest.approx([1.0, 1.0], abs=1e-5)
+
+
+def test_blender_moves_the_bones_of_a_character_as_we_do(exported: Exported) -> None:
+    build = Build("unreal", arms_deg=45.0, unit_m=0.01, z_up=True)
+    character = write_character(build, exported.folder / "hero.glb")
+    file = exported.file("glb", "--character", str(character), name="character")
+    said, ours = read("blender", "read_in_blender.py", file), ReadGlb(file)
+    for name in bone_names("unreal").values():
+        np.testing.assert_allclose(said["heads"][name], ours.places(name), rtol=0.0, atol=JOINT_M)
 
 
 def for_opensim(exported: Exported) -> Path:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 REPOSITORY = Path(__file__).parents[2]
 WINDOW = (1330, 700)
 
-_FLAGS = (
+FLAGS = (
     # WebGL without a graphics card; the page itself is then put together without WebGL, which takes a third as long
     "--enable-unsafe-swiftshader",
     # no sandbox as root, which containers and CI are; no traffic of the browser's own
@@ -91,7 +91,7 @@ class BrowserView:
         foreign: list[str] = []
         errors: list[str] = []
         with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=chromium, args=list(_FLAGS))
+            browser = playwright.chromium.launch(executable_path=chromium, args=list(FLAGS))
             page = browser.new_page(viewport={"width": window[0], "height": window[1]})
             page.set_default_timeout(_PATIENCE_S * 1e3)
             page.on("request", lambda request: foreign.append(request.url))

@@ -10,7 +10,7 @@ from pathlib import Path
 import bpy
 
 EVERY = 50
-"""Of which vertices the places are told."""
+"""The places of every so-manieth vertex are told."""
 
 
 def heads(armature, first, count):
