@@ -1,5 +1,5 @@
 # One entry for everything. Each target makes what it needs first: the virtual environment .venv, at the versions of uv.lock.
-#   make demo      a body from a range of motion, then a walk solved and judged (needs no ROS)
+#   make demo      a body from a range of motion, then a walk solved, judged and filmed (needs no ROS)
 #   make test      the tests that protect, the live graph on ROS 2's wheels included: some minutes
 #   make test-all  those and the long ones: fault campaign, browser, shared recordings, studies, more of the live graph
 #   make test-ros  the launch file under the real ros2 launch, in a workspace built by colcon: 5 minutes
@@ -51,7 +51,9 @@ demo: $(VENV)/runtime.stamp
 	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
 	@echo "3. how good is it?"
 	$(BIN)/bodycam evaluate $(DEMO) --truth bags/sample --recording bags/sample/bag -o $(DEMO)_report
-	@echo "look at $(DEMO)_report/summary.png first, then at $(dir $(DEMO))legs.html; '$(BIN)/bodycam' alone shows the way on"
+	@echo "4. a film of it"
+	$(BIN)/bodycam film $(DEMO) --map bags/map --view orbit -o $(DEMO).mp4 --force
+	@echo "look at $(DEMO)_report/summary.png first, then at $(DEMO).mp4 and $(dir $(DEMO))legs.html; '$(BIN)/bodycam' alone shows the way on"
 
 # A worker that is killed fails the run at once; xdist would replace it and may then wait for ever.
 PYTEST = $(BIN)/python -m pytest --numprocesses=auto --dist=loadfile --max-worker-restart=0 --durations=10
@@ -84,7 +86,22 @@ lint: $(VENV)/ros.stamp
 
 kernels: $(VENV)/runtime.stamp
 
-docs: $(VENV)/docs.stamp
+# Pictures of docs/show.md, each by the command that it shows.
+SHOWN = $(BIN)/bodycam film $(DEMO) --map bags/map --recording bags/sample/bag --size 1280x720 --force -o $@
+docs/show/follow.jpg: VIEW = --view follow --from 1.75
+docs/show/camera.jpg: VIEW = --view camera:foot_right --beside foot_right --from 1
+docs/show/beside.jpg: VIEW = --view follow --beside head --from 1
+docs/show/photo.jpg: VIEW = --view photo:ref_0048 --from 0.5
+docs/show/road.jpg: VIEW = --environment road --travel 1 --from 1
+SHOW := $(addprefix docs/show/,follow.jpg camera.jpg beside.jpg photo.jpg road.jpg)
+$(SHOW): $(wildcard bodycam_ros/film/*.py) Makefile | $(DEMO)/metadata.yaml
+	mkdir -p $(@D)
+	$(SHOWN) $(VIEW)
+
+$(DEMO)/metadata.yaml: | $(VENV)/runtime.stamp
+	$(BIN)/bodycam replay bags/sample/bag --map bags/map --body bags/body.yaml -o $(DEMO) --force
+
+docs: $(VENV)/docs.stamp $(SHOW)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 figures: $(VENV)/ros.stamp
@@ -116,7 +133,7 @@ $(VENV)/python.stamp:
 $(VENV)/runtime.stamp: $(VENV)/python.stamp pyproject.toml uv.lock setup.py $(KERNELS)
 	@command -v cc >/dev/null && $(BIN)/python -c 'import os, sysconfig; os.stat(sysconfig.get_path("include") + "/Python.h")' 2>/dev/null || \
 		{ echo "compiling the kernels needs a C compiler and Python's headers: sudo apt install build-essential python3-dev" >&2; exit 1; }
-	$(SYNC) --extra study --reinstall-package bodycam_ros
+	$(SYNC) --extra film --extra study --reinstall-package bodycam_ros
 	$(BIN)/python -m compileall -q bodycam_ros
 	@touch $@
 

@@ -105,8 +105,9 @@ bodycam: motion capture from body-mounted cameras. The steps:
        bodycam replay BAG --map MAP --body BODY.yaml -o OUT
   6. How good is it?  summary.png in DIR is the picture to look at first:
        bodycam evaluate OUT --recording BAG -o DIR
-  7. Look at it in a browser, take it to other programs:
+  7. Look at it in a browser, film it, take it to other programs:
        bodycam view OUT --map MAP --body BODY.yaml --recording BAG
+       bodycam film OUT --map MAP -o FILE.mp4
        bodycam export OUT --to FORMAT -o FILE
 
 'bodycam run DIR' takes steps 1, 2 and 4 to 6 in one go, for a folder laid out as

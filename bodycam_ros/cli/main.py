@@ -38,7 +38,10 @@ GROUPS = {
         "view": "show a body in a browser, and correct it",
         "settings": "print all settings with their defaults",
     },
-    "hand over": {"export": "write a solved recording or a body for other programs"},
+    "hand over": {
+        "film": "film the solved person in the place, or over recorded images",
+        "export": "write a solved recording or a body for other programs",
+    },
 }
 """Group -> command -> purpose.
 

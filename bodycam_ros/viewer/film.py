@@ -14,6 +14,7 @@ from bodycam_ros.camera.camera_image import decode_colour
 from bodycam_ros.errors import ViewError
 from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.files.whole_file import whole_file
+from bodycam_ros.film.views import looking_at
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_reader import open_recording
@@ -130,17 +131,6 @@ def _over_images(sources: Sources, camera: str, solved: Path) -> Iterator[_Shot]
                 world_T_camera = mounted_camera(sources.body, motion.segments_at(sources.body, index), camera)
             seconds = (stamp_ns - int(motion.stamps_ns[0])) * 1e-9
             yield seconds, index, np.ascontiguousarray(decode_colour(image)), world_T_camera, lens
-
-
-def looking_at(position: Array, look_at: Array) -> Array:
-    """(4, 4) pose of a camera's optical frame (x right, y down, z ahead) at a point (3,), z of the world up [m]."""
-    ahead = (look_at - position) / np.linalg.norm(look_at - position)
-    right = np.cross(ahead, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(ahead, right), ahead], axis=1)
-    pose[:3, 3] = position
-    return pose
 
 
 def _write_time(picture: Image, seconds: float) -> None:

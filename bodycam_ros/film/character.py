@@ -1,0 +1,134 @@
+"""The person who is filmed: the skin of the body, in clothes, and the equipment."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array, eye_array
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.limb_mesh import Ball, limb_mesh
+from bodycam_ros.body.segment_name import SegmentName
+from bodycam_ros.body.skin import SkinnedSurface, skinned_body
+from bodycam_ros.body.stick_figure import Bone, body_bones
+from bodycam_ros.body.surface import Faces, join_meshes
+from bodycam_ros.film.machines import machine_parts
+from bodycam_ros.geometry import Array
+from bodycam_ros.results.picture_style import EQUIPMENT, rgb
+
+GAMMA = 2.2
+"""Exponent from values of a picture to light."""
+
+
+def linear(colour: str) -> tuple[float, ...]:
+    """Red, green and blue, linear in light, 0 to 1, of ``#rrggbb``."""
+    return tuple((value / 255.0) ** GAMMA for value in rgb(colour))
+
+
+_SKIN, _SHIRT, _TROUSERS, _SHOES, _PAINT, _RUBBER, _METAL = range(7)
+_COLOURS = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", EQUIPMENT, "#26282b", "#a4aab0"
+PALETTE = np.array([linear(each) for each in _COLOURS], np.float32)
+"""(C, 3) colours of skin, shirt, trousers, shoes, and of equipment its paint, rubber and metal, linear in light."""
+
+_CLOTHES = {
+    "head": _SKIN, "hand": _SKIN, "forearm": _SKIN,
+    "torso": _SHIRT, "upper_arm": _SHIRT,
+    "pelvis": _TROUSERS, "thigh": _TROUSERS, "shin": _TROUSERS,
+    "foot": _SHOES,
+}  # fmt: skip
+"""Kind of segment -> what is seen on it; others are as the shirt."""
+
+_TUBE_M = 0.014
+_SHORTEST_M = 1e-3
+_SMOOTHINGS = 12  # of the borders of garments over neighbouring vertices
+
+
+@dataclass(frozen=True, eq=False)
+class PosedMesh:
+    """Closed meshes of one time.
+
+    Attributes:
+        vertices: (V, 3) in the world [m].
+        triangles: (T, 3) rows of them, counter-clockwise as seen from outside.
+        shares: (V, C) how much of each vertex each colour of ``PALETTE`` has; the largest is seen.
+    """
+
+    vertices: NDArray[np.float32]
+    triangles: Faces
+    shares: NDArray[np.float32]
+
+
+class Character:
+    """A body with clothes on.
+
+    Args:
+        body: with its equipment.
+        lengths: of the equipment, as they were estimated [m]; see ``machine_parts``.
+
+    Raises:
+        BodyError: no segment has a length to put a skin around.
+    """
+
+    def __init__(self, body: BodyModel, lengths: Mapping[str, float] = MappingProxyType({})) -> None:
+        self._body = body
+        self._skin = skinned_body(body)
+        self._parts = machine_parts(body, lengths)
+        clothes = np.array([_CLOTHES.get(SegmentName(name).kind, _SHIRT) for name in body.segments])
+        self._shares = _segment_shares(self._skin, len(body.segments)) @ np.eye(len(PALETTE), dtype=np.float32)[clothes]
+        neighbours = _neighbours(self._skin)
+        for _ in range(_SMOOTHINGS):
+            self._shares = neighbours @ self._shares
+
+    def posed(self, segment_poses: Array, *, with_equipment: bool = True, rolled_m: float = 0.0) -> PosedMesh:
+        """The person, and the equipment, at poses world_T_segment (S, 4, 4) [m]; wheels have rolled so far [m]."""
+        meshes = [(self._skin.posed(segment_poses), self._skin.triangles.astype(np.int32))]
+        colours = []
+        if with_equipment:
+            for part in self._parts:
+                pose = segment_poses[self._body.segment_index[part.segment]]
+                meshes.append((part.placed(pose, rolled_m), part.triangles))
+                colours.append(_PAINT + part.colour)
+            if not self._parts:
+                bones = [bone for bone in body_bones(self._body, segment_poses) if bone.is_equipment]
+                tubes = [tube(bone.start[0], bone.end[0]) for bone in bones if _length(bone) > _SHORTEST_M]
+                meshes += tubes
+                colours += [_PAINT] * len(tubes)
+        shares = [self._shares]
+        for (vertices, _), colour in zip(meshes[1:], colours, strict=True):
+            one = np.zeros((len(vertices), len(PALETTE)), np.float32)
+            one[:, colour] = 1.0
+            shares.append(one)
+        vertices, triangles = join_meshes(meshes)
+        return PosedMesh(vertices.astype(np.float32), triangles, np.concatenate(shares))
+
+
+def tube(start: Array, end: Array) -> tuple[Array, Faces]:
+    """A closed mesh (V, 3), (T, 3) around a line between two points (3,) [m]."""
+    return limb_mesh(start, end, [Ball(0.0, _TUBE_M), Ball(1.0, _TUBE_M)], np.array([0.0, 0.0, 1.0]))
+
+
+def _segment_shares(skin: SkinnedSurface, segments: int) -> NDArray[np.float32]:
+    """(V, S) how much each segment moves each vertex; half bones count for both that they are between."""
+    by_bone = np.zeros((len(skin.vertices), segments + len(skin.halves)), np.float32)
+    np.add.at(by_bone, (np.arange(len(by_bone))[:, None], skin.joints), skin.weights)
+    shares = by_bone[:, :segments].copy()
+    for pair, half in zip(skin.halves, by_bone[:, segments:].T, strict=True):
+        shares[:, pair] += 0.5 * half[:, None]
+    return shares
+
+
+def _neighbours(skin: SkinnedSurface) -> csr_array:
+    """(V, V) that means each vertex with those beside it."""
+    count, faces = len(skin.vertices), skin.triangles
+    pairs = np.concatenate(
+        [faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]
+    )  # of a closed mesh: each edge both ways
+    beside = csr_array((np.ones(len(pairs), np.float32), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    beside += eye_array(count, dtype=np.float32)
+    return csr_array(diags_array(1.0 / beside.sum(axis=1)) @ beside)
+
+
+def _length(bone: Bone) -> float:
+    return float(np.linalg.norm(bone.end[0] - bone.start[0]))

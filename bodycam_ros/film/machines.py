@@ -1,0 +1,143 @@
+"""What equipment looks like: a bicycle with wheels that roll, a snowboard; all else are tubes along its lines."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.surface import Faces, join_meshes
+from bodycam_ros.geometry import Array, exp_so3, transform_points
+
+PAINT, RUBBER, METAL = range(3)
+"""Colours of parts."""
+
+WHEEL_M = 0.34
+"""Radius of a wheel, with its tyre."""
+
+_REAR, _FRONT = np.array([-0.41, 0.0, 0.07]), np.array([0.60, 0.0, 0.07])  # hubs, from the middle of the crank's axle
+_SEAT, _SADDLE = np.array([-0.17, 0.0, 0.55]), np.array([-0.206, 0.0, 0.673])
+_HEAD_LOW, _HEAD_HIGH = np.array([0.44, 0.0, 0.47]), np.array([0.375, 0.0, 0.66])
+_GRIPS = {"left": (0.4, 0.22, 0.76), "right": (0.4, -0.22, 0.76)}
+_BEYOND_M = 0.06  # of the bar, beyond the hands
+_BRACKET = np.zeros(3)
+_TUBE_M, _THIN_M, _TYRE_M, _SPOKE_M = 0.017, 0.009, 0.016, 0.0022
+_SPOKES = 14
+_BOARD_M, _WAIST_M, _THICK_M = 1.52, 0.255, 0.012
+_SOLE_M = 0.011  # half of a pedal's height
+
+Mesh = tuple[Array, Faces]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A rigid part of equipment.
+
+    Attributes:
+        segment: that it moves with.
+        vertices, triangles: (V, 3) in the segment's frame [m], (T, 3).
+        colour: one of ``PAINT``, ``RUBBER`` and ``METAL``.
+        hub: (3,) of a wheel, which turns about the segment's y through it; None of others.
+    """
+
+    segment: str
+    vertices: Array
+    triangles: Faces
+    colour: int
+    hub: Array | None = None
+
+    def placed(self, world_T_segment: Array, rolled_m: float) -> Array:
+        """Vertices (V, 3) in the world, of a wheel that has rolled so far [m]."""
+        vertices = self.vertices
+        if self.hub is not None:
+            turn = exp_so3(np.array([0.0, rolled_m / WHEEL_M, 0.0]))
+            vertices = (vertices - self.hub) @ turn.T + self.hub
+        return transform_points(world_T_segment, vertices)
+
+
+def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, ...]:
+    """Parts of a bicycle or snowboard, known by the segments that files of equipment have; none of other equipment.
+
+    Args:
+        body: with its equipment.
+        lengths: that were estimated (``EquipmentReport``): bar and saddle are where hands and pelvis found them [m].
+    """
+    segments = body.equipment_segments
+    if {"frame", "crank", "pedal_left", "pedal_right"} <= segments:
+        return tuple(_bicycle(body, lengths))
+    if "board" in segments:
+        return tuple(_snowboard(body))
+    return ()
+
+
+def _bicycle(body: BodyModel, lengths: Mapping[str, float]) -> list[Part]:
+    hands = [
+        [lengths.get(f"hand_{side}_{axis}", at) for axis, at in zip("xyz", grip, strict=True)]
+        for side, grip in _GRIPS.items()
+    ]
+    grips = np.array(hands)
+    handlebar = grips.mean(axis=0) * [1.0, 0.0, 1.0]
+    saddle_at = np.array([lengths.get("saddle_x", _SADDLE[0]), 0.0, lengths.get("saddle_z", _SADDLE[2])])
+    side = np.array([0.0, 0.055, 0.0])
+    stays = [(start, hub + sign * side) for start, hub in ((_BRACKET, _REAR), (_SEAT, _REAR)) for sign in (-1.0, 1.0)]
+    forks = [(_HEAD_LOW, _FRONT + sign * side) for sign in (-1.0, 1.0)]
+    main = [(_BRACKET, _SEAT), (_SEAT, _HEAD_HIGH), (_BRACKET, _HEAD_LOW), (_HEAD_LOW, _HEAD_HIGH)]
+    bar = np.array([0.0, float(np.abs(grips[:, 1]).max()) + _BEYOND_M, 0.0])
+    tubes = [*(_tube(*ends, _TUBE_M) for ends in main), *(_tube(*ends, _THIN_M) for ends in (*stays, *forks))]
+    metal = [_tube(_SEAT, saddle_at - [0.0, 0.0, 0.04], 0.013), _tube(_HEAD_HIGH, handlebar, 0.013)]
+    metal += [_tube(handlebar - bar, handlebar + bar, 0.013)]
+    # One sits on its upper face.
+    rubber = [_mesh(trimesh.creation.box((0.26, 0.13, 0.045)), saddle_at - [0.0, 0.0, 0.0225])]
+    rubber += [_tube(handlebar + sign * bar, handlebar + 0.55 * sign * bar, 0.017) for sign in (-1.0, 1.0)]
+    parts = [
+        Part("frame", *join_meshes(tubes), PAINT),
+        Part("frame", *join_meshes(metal), METAL),
+        Part("frame", *join_meshes(rubber), RUBBER),
+    ]
+    for hub in (_REAR, _FRONT):
+        parts.append(Part("frame", *_ring(hub, WHEEL_M - _TYRE_M, _TYRE_M), RUBBER, hub))
+        angles = 2.0 * np.pi * np.arange(_SPOKES) / _SPOKES
+        ends = hub + (WHEEL_M - 2.0 * _TYRE_M) * np.stack([np.cos(angles), 0.0 * angles, np.sin(angles)], axis=1)
+        spokes = [_tube(hub, end, _SPOKE_M) for end in ends]
+        rim = _ring(hub, WHEEL_M - 2.4 * _TYRE_M, 0.008)
+        parts.append(Part("frame", *join_meshes([*spokes, rim, _tube(hub - side, hub + side, 0.016)]), METAL, hub))
+    arms = [_ring(np.array([0.0, -0.045, 0.0]), 0.085, 0.006), _tube(-side, side, 0.014)]
+    for pedal in ("pedal_left", "pedal_right"):
+        joint = next(joint for joint in body.tree_joints if joint.child == pedal)
+        spindle = joint.parent_T_joint[:3, 3]
+        root = np.array([0.0, np.sign(spindle[1]) * 0.055, 0.0])
+        knee = np.array([spindle[0], np.sign(spindle[1]) * 0.07, spindle[2]])
+        arms += [_tube(root, knee, 0.012), _tube(knee, spindle, 0.007)]
+        # Its upper face is where the sole is: at the axle.
+        plate = _mesh(trimesh.creation.box((0.095, 0.09, 2.0 * _SOLE_M)), np.array([0.0, 0.0, -_SOLE_M]))
+        parts.append(Part(pedal, *plate, RUBBER))
+    return [*parts, Part("crank", *join_meshes(arms), METAL)]
+
+
+def _snowboard(body: BodyModel) -> list[Part]:
+    """Its upper face is the board's origin."""
+    straight = _BOARD_M - _WAIST_M
+    middle = np.array([0.0, 0.0, -0.5 * _THICK_M])
+    ends = [np.array([sign * 0.5 * straight, 0.0, -0.5 * _THICK_M]) for sign in (-1.0, 1.0)]
+    disc = trimesh.creation.cylinder(0.5 * _WAIST_M, _THICK_M, sections=48)
+    deck = [_mesh(trimesh.creation.box((straight, _WAIST_M, _THICK_M)), middle), *(_mesh(disc, end) for end in ends)]
+    bindings = sorted(body.equipment_segments - {"board"})
+    plate = _mesh(trimesh.creation.box((0.27, 0.12, 0.008)), np.array([0.0, 0.0, -0.004]))
+    return [Part("board", *join_meshes(deck), PAINT), *(Part(binding, *plate, RUBBER) for binding in bindings)]
+
+
+def _tube(start: Array, end: Array, radius: float) -> Mesh:
+    return _mesh(trimesh.creation.cylinder(radius, sections=14, segment=np.stack([start, end])), np.zeros(3))
+
+
+def _ring(hub: Array, radius: float, thickness: float) -> Mesh:
+    """A ring in the plane of x and z around a hub (3,)."""
+    ring = trimesh.creation.torus(radius, thickness, major_sections=64, minor_sections=12)
+    vertices = np.asarray(ring.vertices)[:, [0, 2, 1]] * [1.0, -1.0, 1.0]
+    return hub + vertices, np.asarray(ring.faces, np.int32)
+
+
+def _mesh(mesh: trimesh.Trimesh, centre: NDArray[np.float64]) -> Mesh:
+    return np.asarray(mesh.vertices) + centre, np.asarray(mesh.faces, np.int32)
