@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing.connection import wait
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -27,7 +28,7 @@ from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import camera_pose_message, image_messages, landmarks_message
-from bodycam_ros.pipeline.camera_front import camera_fronts
+from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import LAST_NS, WHOLE_NS, Recording, open_recording
 from bodycam_ros.recording.bag_writer import SerializedMessage
@@ -35,6 +36,7 @@ from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replaying.fresh_fronts import FreshFronts
 from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate
 from bodycam_ros.tracking.image_rate import ImageRateLimit
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -155,6 +157,8 @@ class RegistrationTask:
         keyframes: as of ``CameraFront``.
         names: of the recording's topics.
         window_ns: first stamp of the images that are registered, and the stamp after the last [ns].
+        anew_ns: times that cameras are tracked anew for, see ``FreshFronts``; ascending [ns].
+        shares_readouts: the read-out times are those of a first pass: new fronts begin with these again.
     """
 
     recording_path: Path
@@ -167,6 +171,8 @@ class RegistrationTask:
     keyframes: KeyframeDensity | None = None
     names: TopicNames = AS_RECORDED
     window_ns: tuple[int, int] = WHOLE_NS
+    anew_ns: tuple[int, ...] = ()
+    shares_readouts: bool = False
 
 
 def run_camera_worker(
@@ -231,14 +237,12 @@ def register_images(
     extension = task.settings.extension
     replica = MapReplica(reference_map, extension.capacity, inbox.get) if extension.enabled else None
     with open_recording(task.recording_path, task.names) as recording:
-        fronts = camera_fronts(
-            {camera: recording.camera_model(camera) for camera in cameras},
-            reference_map,
-            task.settings,
-            readouts={camera: best_known(recording.readout(camera), task.readouts.get(camera)) for camera in cameras},
-            turns=task.turns,
-            registered_in=None if replica is None else replica.map,
-            keyframes=task.keyframes,
+        fronts = FreshFronts(
+            partial(_front, recording, task, reference_map, None if replica is None else replica.map),
+            # What a map grows by depends on all that was tracked before, and so does a gyroscope's bias.
+            () if replica is not None or task.keyframes is not None or task.turns else task.anew_ns,
+            {camera: best_known(recording.readout(camera), task.readouts.get(camera)) for camera in cameras},
+            carries_readouts=not task.shares_readouts,
         )
         rate = task.settings.images.max_rate
         limit = ImageRateLimit(rate, recording.first_stamp_ns if rate else 0)
@@ -253,7 +257,7 @@ def register_images(
                     yield AwaitedUpdate(image.camera, image.recorded_ns)
                 replica.advance(image.recorded_ns)
             try:
-                tracks, matches, keyframe = fronts[image.camera].process(decode_grey(image), stamp_ns)
+                tracks, matches, keyframe = fronts.process(image.camera, decode_grey(image), stamp_ns)
             except RecordingError as error:
                 limit.discard(image.camera)
                 text = f"{error}; this image is not used, nor are others like it"
@@ -267,6 +271,27 @@ def register_images(
             text = f"camera {camera}: stamps of {count} images do not increase, or are before 1970; they are left out"
             yield UnusableImages(camera, stamp_ns, "unordered", text, count)
         yield from missing_images(recording, stamp_ns)
+
+
+def _front(
+    recording: Recording,
+    task: RegistrationTask,
+    reference_map: ReferenceMap,
+    registered_in: ReferenceMap | None,
+    camera: str,
+    readout: Readout | None,
+) -> CameraFront:
+    """A front of a camera, before its first image."""
+    fronts = camera_fronts(
+        {camera: recording.camera_model(camera)},
+        reference_map,
+        task.settings,
+        readouts={camera: readout},
+        turns=task.turns,
+        registered_in=registered_in,
+        keyframes=task.keyframes,
+    )
+    return fronts[camera]
 
 
 def missing_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImages]:
