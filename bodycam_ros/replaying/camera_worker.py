@@ -10,8 +10,9 @@ import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from multiprocessing.connection import wait
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -97,12 +98,14 @@ class UnusableCount:
         skipped: images that are in the recording.
         lost: images that are not in it.
         reasons: why, of the first of each camera and kind.
+        items: camera and kind -> the first of these images, with the count of all.
     """
 
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
         self.reasons: list[str] = []
+        self.items: dict[tuple[str, str], UnusableImages] = {}
         self._others: list[str] = []
         self._reported: set[tuple[str, str]] = set()
 
@@ -110,6 +113,8 @@ class UnusableCount:
         """Count an item."""
         counts = self.lost if item.kind == "missing" else self.skipped
         counts[item.camera] += item.count
+        known = self.items.get((item.camera, item.kind))
+        self.items[item.camera, item.kind] = replace(known, count=known.count + item.count) if known else item
         if (item.camera, item.kind) in self._reported:
             return
         if all(kind != item.kind for _, kind in self._reported):
@@ -156,7 +161,9 @@ class RegistrationTask:
         turns: camera -> rotations by its gyroscope.
         keyframes: as of ``CameraFront``.
         names: of the recording's topics.
-        window_ns: first stamp of the images that are registered, and the stamp after the last [ns].
+        windows_ns: first stamp of the images that are registered, and the stamp after the last [ns]; of several parts
+            of the recording in order of time.
+        recorded_ahead_ns: as of ``Recording.images``: read the bag near these parts alone.
         anew_ns: times that cameras are tracked anew for, see ``FreshFronts``; ascending [ns].
         shares_readouts: the read-out times are those of a first pass: new fronts begin with these again.
     """
@@ -170,7 +177,8 @@ class RegistrationTask:
     turns: Mapping[str, CameraTurn] = field(default_factory=dict)
     keyframes: KeyframeDensity | None = None
     names: TopicNames = AS_RECORDED
-    window_ns: tuple[int, int] = WHOLE_NS
+    windows_ns: tuple[tuple[int, int], ...] = (WHOLE_NS,)
+    recorded_ahead_ns: int | None = None
     anew_ns: tuple[int, ...] = ()
     shares_readouts: bool = False
 
@@ -189,7 +197,7 @@ def run_camera_worker(
         outbox: for the results.
         inbox: of updates of the map.
     """
-    _end_with_parent()
+    end_with_parent()
     bound_inputs()
     # Warnings are for the parent, which counts them and prints each once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
@@ -209,7 +217,7 @@ def run_camera_worker(
     outbox.put([*ready, last])
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """End this process as soon as its parent ends, however that happens.
 
     The parent holds the other end of a pipe, which closes even if it is killed. On Linux the kernel is asked as well:
@@ -230,12 +238,18 @@ def _end_after(sentinel: int) -> None:
 
 
 def register_images(
-    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[MapUpdate]"
+    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[MapUpdate] | None" = None
 ) -> Iterator[Result | AwaitedUpdate]:
-    """Register the images of some cameras in the order in which they were recorded."""
+    """Register the images of some cameras in the order in which they were recorded.
+
+    Args:
+        task: what is to be done.
+        cameras: names.
+        inbox: of updates of the map, where that may be extended.
+    """
     reference_map = ReferenceMap.load(task.map_path)
     extension = task.settings.extension
-    replica = MapReplica(reference_map, extension.capacity, inbox.get) if extension.enabled else None
+    replica = MapReplica(reference_map, extension.capacity, inbox.get) if inbox and extension.enabled else None
     with open_recording(task.recording_path, task.names) as recording:
         fronts = FreshFronts(
             partial(_front, recording, task, reference_map, None if replica is None else replica.map),
@@ -247,7 +261,8 @@ def register_images(
         rate = task.settings.images.max_rate
         limit = ImageRateLimit(rate, recording.first_stamp_ns if rate else 0)
         stamp_ns = 0
-        for image in recording.images(cameras, task.window_ns):
+        images = (recording.images(cameras, window_ns, task.recorded_ahead_ns) for window_ns in task.windows_ns)
+        for image in chain.from_iterable(images):
             stamp_ns = image.stamp_ns
             if not limit.is_due(image.camera, stamp_ns):
                 continue
