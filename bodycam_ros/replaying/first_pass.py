@@ -19,6 +19,12 @@ BLOCK_S = 30.0
 """Time between two places at which cameras are tracked anew, and stretches may begin [s]: it costs 2 s of work."""
 
 _VERSION = 1
+
+_KIND = "first pass of bodycam replay"
+
+FIRST_PASS_MARK = _KIND.encode()
+"""What every such file begins with, nearly."""
+
 _MOST_BYTES = 50_000_000
 
 
@@ -66,7 +72,9 @@ class FirstPass:
         Raises:
             OutputError: it cannot be written.
         """
-        write_whole(path, json.dumps({"version": _VERSION, **asdict(self)}, default=sorted, indent=1) + "\n")
+        write_whole(
+            path, json.dumps({"kind": _KIND, "version": _VERSION, **asdict(self)}, default=sorted, indent=1) + "\n"
+        )
 
     @classmethod
     def read(cls, path: Path) -> "FirstPass":
@@ -88,7 +96,7 @@ class FirstPass:
 
 
 def _parsed(document: dict[str, Any]) -> FirstPass:
-    if document["version"] != _VERSION:
+    if (document["kind"], document["version"]) != (_KIND, _VERSION):
         raise ValueError("of another version")
     bounds_ns, count = tuple(map(int, document["bounds_ns"])), int(document["count"])
     if list(bounds_ns) != sorted(set(bounds_ns)) or not 1 <= count < len(bounds_ns):

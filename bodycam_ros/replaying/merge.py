@@ -53,7 +53,7 @@ def merge_stretches(request: ReplayRequest, first: FirstPass, parts: Sequence[Pa
         OutputError: the bag cannot be written.
     """
     records = {path: read_bag_records(path) for path in parts}
-    stretches = sorted(((read_stretch(path, own), path) for path, own in records.items()), key=lambda s: s[0].number)
+    stretches = sorted(((read_stretch(path, records[path]), path) for path in parts), key=lambda s: s[0].number)
     _check(first, stretches, records)
     ordered = [stretch for stretch, _ in stretches]
     body = read_body(request.body)
@@ -95,10 +95,11 @@ def _check(
     missing = [str(number + 1) for number in range(first.count) if number not in numbers]
     twice = [str(number + 1) for number, count in sorted(numbers.items()) if count > 1]
     if missing or twice:
-        problem = (
-            f"stretches {', '.join(missing)} are missing" if missing else f"stretches {', '.join(twice)} are twice"
+        which, what = (missing, "missing") if missing else (twice, "there twice")
+        raise RecordingError(
+            f"of the {first.count} stretches, {', '.join(which)} {'is' if len(which) == 1 else 'are'} {what} among "
+            f"{len(stretches)} bags; give each once"
         )
-        raise RecordingError(f"{problem} among {len(stretches)} bags; there are {first.count}, give each once")
     expected = {name: records[stretches[0][1]].metadata.get(name) for name in _SAME}
     for stretch, path in stretches:
         other = [name for name in _SAME if records[path].metadata.get(name) != expected[name]]

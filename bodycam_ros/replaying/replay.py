@@ -242,17 +242,15 @@ def _solve(
         What was counted in the window.
     """
     begin_ns, end_ns = published_ns
-    before = SolverOutcome.of(skeleton)
-    within: SolverOutcome | None = None
+    before = within = None
     is_over = False
     for item in items:
-        if item.stamp_ns < begin_ns:
-            before = SolverOutcome.of(skeleton)
-        elif item.stamp_ns < end_ns:
+        if begin_ns <= item.stamp_ns < end_ns:
+            before = before or SolverOutcome.of(skeleton)
             out.write_image(item)
             on_image(item.stamp_ns)
-        elif within is None:
-            within = SolverOutcome.of(skeleton)
+        elif item.stamp_ns >= end_ns:
+            within = within or SolverOutcome.of(skeleton)
         if isinstance(item, (RegisteredImage, CameraImage)):
             states = skeleton.add(item.matches if isinstance(item, RegisteredImage) else item)
             out.write_states(each for each in states if _is_in(each.state.stamp_ns, published_ns))
@@ -261,7 +259,8 @@ def _solve(
             break
     else:
         out.write_states(each for each in skeleton.flush() if _is_in(each.state.stamp_ns, published_ns))
-    return (within or SolverOutcome.of(skeleton)).since(before)
+    whole = within or SolverOutcome.of(skeleton)
+    return whole if before is None else whole.since(before)
 
 
 def _log(log: CameraPoseLog, window_ns: tuple[int, int], matches: LandmarkMatches) -> None:

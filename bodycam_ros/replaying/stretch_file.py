@@ -18,6 +18,7 @@ from bodycam_ros.quality.camera_poses import CameraCount, LoggedPoses
 from bodycam_ros.recording.bag_records import BagRecords
 from bodycam_ros.replaying.camera_worker import UnusableImages
 from bodycam_ros.replaying.replay_record import SolverOutcome, StretchRecord
+from bodycam_ros.results.provenance import VERDICT_FILE
 from bodycam_ros.timing.clock_state import ClockState
 
 STRETCH_FILE = "stretch.npz"
@@ -34,7 +35,7 @@ def stretch_bytes(record: StretchRecord) -> bytes:
         **{name: value for name, value in vars(record).items() if name not in _OTHERWISE},
         "readouts": {camera: asdict(readout) for camera, readout in record.readouts.items()},
         "unusable": [asdict(item) for item in record.unusable],
-        "counts": asdict(outcome.counts),
+        "counts": vars(outcome.counts),
         "frames": outcome.frames,
         "late": outcome.late,
         "clocks": {camera: [asdict(clock) for clock in clocks] for camera, clocks in outcome.clocks.items()},
@@ -63,7 +64,7 @@ def read_stretch(path: Path, records: BagRecords) -> StretchRecord:
         RecordingError: it has none, or a damaged one.
     """
     content = records.attachments.get(STRETCH_FILE)
-    if content is None:
+    if content is None or VERDICT_FILE in records.attachments:  # a bag of all stretches has the records of each
         raise RecordingError(f"{path}: is not the bag of a stretch; 'bodycam replay stretch' writes them")
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
