@@ -18,11 +18,15 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 
+from bodycam_ros.body.body_file import read_body
+from bodycam_ros.quality.camera_poses import CameraPoseLog
+from bodycam_ros.recording.bag_records import read_bag_records
 from bodycam_ros.replaying.first_pass import BLOCK_S, FirstPass
 from bodycam_ros.replaying.make_first_pass import SAMPLED_SHARE, make_first_pass
 from bodycam_ros.replaying.merge import merge_stretches
 from bodycam_ros.replaying.replay import replay
 from bodycam_ros.replaying.replay_request import ReplayRequest
+from bodycam_ros.replaying.stretch_file import read_stretch
 
 _HOUR_S = 3600.0
 
@@ -80,7 +84,13 @@ def main() -> None:
         started_s = time.process_time()
         merge_stretches(asked, first, paths)
         merge_s = time.process_time() - started_s
-    _print_costs(whole, parts, merge_s)
+        started_s = time.process_time()
+        log = CameraPoseLog(read_body(asked.body), {}, 0.0)
+        for path in paths:
+            poses = read_stretch(path, read_bag_records(path)).poses
+            log.extend(replace(poses, lenses={}))
+        read_s = time.process_time() - started_s
+    _print_costs(whole, parts, merge_s, read_s)
 
 
 def _solve_each(asked: ReplayRequest, first: FirstPass) -> list[Cost]:
@@ -95,8 +105,8 @@ def _solve_each(asked: ReplayRequest, first: FirstPass) -> list[Cost]:
     return costs
 
 
-def _print_costs(whole: Cost, parts: Sequence[Cost], merge_s: float) -> None:
-    """What was measured, and what follows for an hour."""
+def _print_costs(whole: Cost, parts: Sequence[Cost], merge_s: float, read_s: float) -> None:
+    """What was measured, and what follows for an hour; ``read_s``: of the merge, what grows with the recording."""
     together_s = sum(part.cpu_s for part in parts)
     print(f"in one go {whole.cpu_s:.1f} s; {len(parts)} stretches {together_s:.1f} s; merge {merge_s:.2f} s")
     # Seconds of a stretch: what each begins with, and what a second of the recording takes.
@@ -110,8 +120,7 @@ def _print_costs(whole: Cost, parts: Sequence[Cost], merge_s: float) -> None:
         first_s = SAMPLED_SHARE * hour_s / min(processes, 16)
         count = processes
         stretches_s = schedule_s(of_each_s + of_second_s * _HOUR_S / count, count, processes)
-        # A merge reads the record of each stretch, whatever it lasts, and some more of a longer one.
-        merged_s = merge_s / sum(part.solved_s for part in parts) * _HOUR_S
+        merged_s = merge_s - read_s + read_s / sum(part.solved_s for part in parts) * _HOUR_S
         needed_s = first_s + stretches_s + merged_s
         print(
             f"{processes} processes: {needed_s:.0f} s (first pass {first_s:.0f}, stretches {stretches_s:.0f}, merge "

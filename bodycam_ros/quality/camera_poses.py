@@ -218,8 +218,9 @@ class CameraPoseLog:
                 self._counts[camera].extend(count)
             else:
                 self._counts[camera] = count
+        known = {camera: np.isfinite(own).all(axis=(1, 2)) for camera, own in later.registered.items()}
         for row, (stamp_ns, state) in enumerate(zip(later.stamps_ns.tolist(), later.segments, strict=True)):
-            poses = {camera: own[row] for camera, own in later.registered.items() if np.isfinite(own[row]).all()}
+            poses = {camera: own[row] for camera, own in later.registered.items() if known[camera][row]}
             self._rows.append((stamp_ns, poses, state))
         self._thin_out()
         for camera, sums in later.lenses.items():
