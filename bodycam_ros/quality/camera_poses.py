@@ -218,7 +218,7 @@ class CameraPoseLog:
                 self._counts[camera].extend(count)
             else:
                 self._counts[camera] = count
-        known = {camera: np.isfinite(own).all(axis=(1, 2)) for camera, own in later.registered.items()}
+        known = {camera: np.isfinite(own[:, 0, 0]) for camera, own in later.registered.items()}
         for row, (stamp_ns, state) in enumerate(zip(later.stamps_ns.tolist(), later.segments, strict=True)):
             poses = {camera: own[row] for camera, own in later.registered.items() if known[camera][row]}
             self._rows.append((stamp_ns, poses, state))

@@ -30,7 +30,7 @@ _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
 
 _LATE_NS = 1_000_000_000
-"""By how much more or less than the first one images are recorded after their stamps, at most."""
+"""Images are recorded so much earlier or later after their stamps than the first one, at most."""
 
 _FEW_KEYFRAMES = 4
 _AFTER_KEY_NS = 1_000_000_000
@@ -215,7 +215,7 @@ class Recording:
 
     @property
     def recorded_ahead_ns(self) -> int:
-        """By how much the first image with a stamp was recorded after it [ns]."""
+        """Delay from the stamp of the first image that has one to its time of recording [ns]."""
         return next((i.recorded_ns - i.stamp_ns for i in self._messages(self.cameras) if i.stamp_ns > 0), 0)
 
     def _key_ns(self, cameras: Collection[str], recorded_ns: int) -> int:

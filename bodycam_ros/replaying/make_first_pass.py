@@ -29,7 +29,7 @@ _SAMPLE_S, _EVERY_S, _LEAST_SAMPLES = 4.8, 120.0, 3
 """Clocks are estimated from four seconds and some margin; an hour of 30 samples knows them to 0.5 ms."""
 
 SAMPLED_SHARE = _SAMPLE_S / _EVERY_S
-"""Of a long recording that the first pass reads."""
+"""Share of a long recording that the first pass reads."""
 
 _WHOLE_S = 20.0  # of a recording that is its own sample
 _JUMP_S, _JUMP_SIGMAS = 0.006, 5.0  # by which clocks of two samples differ beyond their drift if one was set
