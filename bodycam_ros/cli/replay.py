@@ -23,16 +23,30 @@ from bodycam_ros.files.output_place import check_output
 from bodycam_ros.replaying.worker_process import warm_up
 
 if TYPE_CHECKING:
+    from bodycam_ros.replaying.replay_request import ReplayRequest
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
+    add_inputs(parser)
+    add_output(parser, "OUT", "ros2 bag folder to write")
+    parser.add_argument(
+        "--stretches",
+        type=_stretches,
+        metavar="N",
+        help="solve a long recording in N stretches of half a minute or more, each in a process of its own, or 'auto': "
+        "as many as --jobs. For a known map; on several computers 'bodycam replay first', 'stretch' and 'merge' do the "
+        "same",
+    )
+
+
+def add_inputs(parser: argparse.ArgumentParser) -> None:
+    """Add what is solved and how: arguments of a replay, of its stretches, and of their merge."""
     add_option(parser, "recording")
     add_option(parser, "--map")
     body_help = "body YAML, made by 'bodycam body': segments, joints, camera mounts"
     add_option(parser, "--body", required=True, help=body_help)
-    add_output(parser, "OUT", "ros2 bag folder to write")
     add_option(parser, "--imu")
     add_topics(parser)
     add_equipment(parser)
@@ -74,16 +88,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_config(parser, PIPELINE)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Run the command."""
-    warm_up()  # the processes for the cameras load what they need while this one does
-    from bodycam_ros.cli.output import shown_progress
-    from bodycam_ros.cli.print_replay import print_replay
+def given_request(arguments: argparse.Namespace, writes_bag: bool = True) -> "ReplayRequest":
+    """What is asked for; its output is refused where it would overwrite an input.
+
+    Args:
+        arguments: of the command line.
+        writes_bag: the output is a bag.
+
+    Raises:
+        BodycamError: options that do not fit each other, or an output that must not be replaced.
+    """
     from bodycam_ros.recording.bag_writer import check_replaceable
-    from bodycam_ros.replaying.replay import replay
     from bodycam_ros.replaying.replay_request import ReplayRequest
 
-    names = topic_names(arguments)
     request = ReplayRequest(
         arguments.recording,
         arguments.map,
@@ -97,16 +114,39 @@ def run(arguments: argparse.Namespace) -> int:
         slim=arguments.slim,
         passes=arguments.passes,
         imus=tuple(arguments.imu),
-        names=names,
+        names=topic_names(arguments),
         span=given_span(arguments),
         whole=arguments.all,
     )
     check_output(arguments.output, input_paths(arguments))
-    if arguments.output.exists():
+    if writes_bag and arguments.output.exists():
         check_replaceable(arguments.force, arguments.output)
+    return request
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the command."""
+    warm_up()  # the processes for the cameras load what they need while this one does
+    from bodycam_ros.cli.output import shown_progress
+    from bodycam_ros.cli.print_replay import print_replay
+    from bodycam_ros.replaying.replay import replay
+    from bodycam_ros.replaying.stretches import replay_in_stretches
+
+    request = given_request(arguments)
     with shown_progress() as progress:
-        summary = replay(request, progress.show)
-    return print_replay(summary, arguments.recording, arguments.output, names)
+        if arguments.stretches is None:
+            summary = replay(request, progress.show)
+        else:
+            count = request.jobs if arguments.stretches == AUTO_COUNT else arguments.stretches
+            summary = replay_in_stretches(request, count, on_step=progress.show)
+    return print_replay(summary, request.recording, request.output, request.names)
+
+
+AUTO_COUNT = 0
+
+
+def _stretches(text: str) -> int:
+    return AUTO_COUNT if text == "auto" else number(int, 1, 10000)(text)
 
 
 def _outside(arguments: argparse.Namespace) -> "StaticCameraFiles | None":

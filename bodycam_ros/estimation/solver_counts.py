@@ -32,6 +32,16 @@ class SolverCounts:
             self.restarted + other.restarted,
         )
 
+    def since(self, before: "SolverCounts") -> "SolverCounts":
+        """What came to them after ``before``."""
+        return SolverCounts(
+            self.rejected - before.rejected,
+            self.interpolated - before.interpolated,
+            self.contradictory - before.contradictory,
+            self.unconverged - before.unconverged,
+            self.restarted - before.restarted,
+        )
+
     def remarks(self) -> list[str]:
         """What a person should know of them, a sentence each."""
         remarks = []

@@ -23,7 +23,7 @@ from bodycam_ros.kinematics.joint_angles import JointAngleTracker
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.timing.arrivals import Arrivals
-from bodycam_ros.timing.clock_estimator import ClockEstimator
+from bodycam_ros.timing.clock_estimator import ClockEstimator, KnownClocks
 from bodycam_ros.timing.timeline import Message
 
 
@@ -41,6 +41,7 @@ class SkeletonPipeline:
         static_cameras: static cameras around the body.
         stations: their names.
         imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_sample``.
+        known_clocks: by a first pass over the recording; None to estimate them.
 
     Attributes:
         body: with the equipment, if any.
@@ -64,6 +65,7 @@ class SkeletonPipeline:
         static_cameras: StaticCameras | None = None,
         stations: Collection[str] = (),
         imus: Mapping[str, ImuSamples] | None = None,
+        known_clocks: KnownClocks | None = None,
     ) -> None:
         if live:
             settings.estimator.check_live()
@@ -75,7 +77,9 @@ class SkeletonPipeline:
         self._on_together = on_together
         on_body = [name for name in cameras if name in body.mounts]
         self._static_cameras = static_cameras
-        self.clocks = ClockEstimator(body, on_body, settings.clock, evidence_floor(settings.evidence), live)
+        self.clocks = ClockEstimator(
+            body, on_body, settings.clock, evidence_floor(settings.evidence), live, known_clocks
+        )
         self.arrivals = Arrivals([*on_body, *stations], settings.assembler, live, self.clocks, on_corrected)
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():

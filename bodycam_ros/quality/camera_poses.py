@@ -32,7 +32,7 @@ class CameraCount:
     Attributes:
         first_ns, last_ns: stamps of the first and the last image [ns].
         images, registered: how many were tracked, and how many of them have a pose.
-        last_registered_ns: stamp of the last with a pose [ns]; 0 without any.
+        first_registered_ns, last_registered_ns: stamps of the first and the last with a pose [ns]; 0 without any.
         blind_ns: longest time between two with a pose [ns].
         blind_until_ns: end of that time [ns].
     """
@@ -41,6 +41,7 @@ class CameraCount:
     last_ns: int = 0
     images: int = 0
     registered: int = 0
+    first_registered_ns: int = 0
     last_registered_ns: int = 0
     blind_ns: int = 0
     blind_until_ns: int = 0
@@ -54,10 +55,43 @@ class CameraCount:
         """Count an image."""
         self.images, self.last_ns = self.images + 1, stamp_ns
         if is_registered:
-            blind_ns = stamp_ns - (self.last_registered_ns or self.first_ns)
-            if blind_ns > self.blind_ns:
-                self.blind_ns, self.blind_until_ns = blind_ns, stamp_ns
+            self._end_blindness(stamp_ns)
+            self.first_registered_ns = self.first_registered_ns or stamp_ns
             self.registered, self.last_registered_ns = self.registered + 1, stamp_ns
+
+    def extend(self, later: "CameraCount") -> None:
+        """Count the images of the stretch of the recording after this one."""
+        self.images, self.last_ns = self.images + later.images, later.last_ns
+        if later.registered:
+            self._end_blindness(later.first_registered_ns)
+            if later.blind_ns > self.blind_ns:
+                self.blind_ns, self.blind_until_ns = later.blind_ns, later.blind_until_ns
+            self.first_registered_ns = self.first_registered_ns or later.first_registered_ns
+            self.registered, self.last_registered_ns = self.registered + later.registered, later.last_registered_ns
+
+    def _end_blindness(self, stamp_ns: int) -> None:
+        blind_ns = stamp_ns - (self.last_registered_ns or self.first_ns)
+        if blind_ns > self.blind_ns:
+            self.blind_ns, self.blind_until_ns = blind_ns, stamp_ns
+
+
+@dataclass(frozen=True, eq=False)
+class LoggedPoses:
+    """What a log holds of a stretch of a recording; T rows are in the order of time.
+
+    Attributes:
+        stamps_ns: (T,) of its states [ns].
+        registered: camera -> (T, 4, 4) pose by its own registration [m]; NaN where unknown.
+        segments: (T, S, 4, 4) poses of the body's segments [m].
+        counts: camera -> its images.
+        lenses: camera -> images, information (4, 4) and gradient (4,) of the deviation of its lens.
+    """
+
+    stamps_ns: NDArray[np.int64]
+    registered: Mapping[str, Array]
+    segments: Array
+    counts: Mapping[str, CameraCount]
+    lenses: Mapping[str, tuple[int, Array, Array]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,9 +193,38 @@ class CameraPoseLog:
         self._rows.append((stamp_ns, poses, world_T_segment))
         while stamp_ns - self._rows[0][0] > self._span_ns:
             self._rows.popleft()
-        if len(self._rows) > _MAX_ROWS:
+        self._thin_out()
+
+    def _thin_out(self) -> None:
+        while len(self._rows) > _MAX_ROWS:
             self._rows = deque(list(self._rows)[::2])
             self._step_ns *= 2
+
+    def logged(self) -> LoggedPoses:
+        """All that is kept, for the log of a recording that was solved in stretches."""
+        unknown = np.full((4, 4), np.nan)
+        return LoggedPoses(
+            stamps_ns=np.array([stamp_ns for stamp_ns, _, _ in self._rows], np.int64),
+            registered={c: np.array([poses.get(c, unknown) for _, poses, _ in self._rows]) for c in self._counts},
+            segments=np.array([state for _, _, state in self._rows]),
+            counts=self._counts,
+            lenses={camera: lens.sums for camera, lens in self._lenses.items()},
+        )
+
+    def extend(self, later: LoggedPoses) -> None:
+        """Add the stretch of the recording after what is kept."""
+        for camera, count in later.counts.items():
+            if camera in self._counts:
+                self._counts[camera].extend(count)
+            else:
+                self._counts[camera] = count
+        known = {camera: np.isfinite(own[:, 0, 0]) for camera, own in later.registered.items()}
+        for row, (stamp_ns, state) in enumerate(zip(later.stamps_ns.tolist(), later.segments, strict=True)):
+            poses = {camera: own[row] for camera, own in later.registered.items() if known[camera][row]}
+            self._rows.append((stamp_ns, poses, state))
+        self._thin_out()
+        for camera, sums in later.lenses.items():
+            self._lenses.setdefault(camera, LensEvidence(self._models[camera], self._inlier_px)).add_sums(*sums)
 
     def poses(self) -> CameraPoses:
         """The poses that are kept."""

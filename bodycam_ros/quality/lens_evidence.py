@@ -79,6 +79,17 @@ class LensEvidence:
         self._gradient -= remaining.T @ (residuals - by_pose @ explained[:, _UNKNOWNS])
         self.images += 1
 
+    @property
+    def sums(self) -> tuple[int, Array, Array]:
+        """Images, information (4, 4) and gradient (4,) so far."""
+        return self.images, self._information, self._gradient
+
+    def add_sums(self, images: int, information: Array, gradient: Array) -> None:
+        """Add the sums of other images of the same camera."""
+        self.images += images
+        self._information = self._information + information
+        self._gradient = self._gradient + gradient
+
     def error(self) -> LensDeviation:
         """What explains the errors best."""
         focal, rim, *centre = np.linalg.lstsq(self._information, self._gradient, rcond=None)[0]

@@ -29,6 +29,9 @@ logger = logging.getLogger(__name__)
 _GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
 """How far back a video's keyframe is searched for first, twice as far then, and at most."""
 
+_LATE_NS = 1_000_000_000
+"""Images are recorded so much earlier or later after their stamps than the first one, at most."""
+
 _FEW_KEYFRAMES = 4
 _AFTER_KEY_NS = 1_000_000_000
 
@@ -173,7 +176,10 @@ class Recording:
         return sigma if 0.0 <= sigma < math.inf else 0.0
 
     def images(
-        self, cameras: Collection[str] | None = None, window_ns: tuple[int, int] = WHOLE_NS
+        self,
+        cameras: Collection[str] | None = None,
+        window_ns: tuple[int, int] = WHOLE_NS,
+        recorded_ahead_ns: int | None = None,
     ) -> Iterator[CameraImage]:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
@@ -183,22 +189,51 @@ class Recording:
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
         the first of them warned about, and so is one of before 1970. ``lost`` counts missing ones once all are read.
         Of a video every frame is decoded, wanted or not: the next one is made of it.
+        With ``recorded_ahead_ns``, by how much images are recorded after their stamps, the bag is read near the window
+        alone, from the keyframes of videos before it on; ``lost`` stays empty.
         """
         wanted = self.cameras if cameras is None else cameras
+        start_ns = stop_ns = None
+        if recorded_ahead_ns is not None:
+            start_ns = self._key_ns(wanted, window_ns[0] + recorded_ahead_ns - _LATE_NS)
+            stop_ns = min(window_ns[1] + recorded_ahead_ns + _LATE_NS, LAST_NS)
         for camera in wanted:
             self.dropped[camera] = self.lost[camera] = 0
         decoders = {camera: VideoDecoder() for camera in wanted}
         decoded = (
             replace(ready, recorded_ns=image.recorded_ns)
-            for image in _in_order_of_names(self._messages(wanted))
+            for image in _in_order_of_names(self._messages(wanted, start_ns, stop_ns))
             for ready in decoders[image.camera].feed(image)
         )
         last = (
-            replace(image, recorded_ns=LAST_NS) for camera in sorted(decoders) for image in decoders[camera].flush()
+            replace(image, recorded_ns=stop_ns or LAST_NS)
+            for camera in sorted(decoders)
+            for image in decoders[camera].flush()
         )
         for image in self._increasing(chain(decoded, last)):
             if window_ns[0] <= image.stamp_ns < window_ns[1]:
                 yield image
+
+    @property
+    def recorded_ahead_ns(self) -> int:
+        """Delay from the stamp of the first image that has one to its time of recording [ns]."""
+        return next((i.recorded_ns - i.stamp_ns for i in self._messages(self.cameras) if i.stamp_ns > 0), 0)
+
+    def _key_ns(self, cameras: Collection[str], recorded_ns: int) -> int:
+        """A time of recording from which on all images recorded after ``recorded_ns`` can be decoded [ns]."""
+        before_ns = 0
+        while True:
+            start_ns = recorded_ns - before_ns
+            first = {image.camera: image for image in self._messages(cameras, start_ns, start_ns + _LATE_NS)}
+            if all(map(_stands_alone, first.values())) or start_ns <= self.start_ns or before_ns > _LONGEST_GOP_NS:
+                return max(start_ns, self.start_ns)
+            keys = self._keys_between(cameras, start_ns, recorded_ns)
+            if keys >= first.keys():
+                return start_ns
+            before_ns = max(_GOP_NS, 2 * before_ns)
+
+    def _keys_between(self, cameras: Collection[str], start_ns: int, stop_ns: int) -> set[str]:
+        return {image.camera for image in self._messages(cameras, start_ns, stop_ns) if _stands_alone(image)}
 
     def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
         """Camera -> one image of it, of a video decoded from the keyframe before it on; those that are there.

@@ -105,14 +105,15 @@ class RecordingWriter:
         with failure_named(self._path):
             self._writer.file.add_metadata(name, values)
 
-    def attach(self, name: str, media_type: str, content: str, stamp_ns: int = 0) -> None:
-        """Append a file, as text, logged at a time of the recording [ns].
+    def attach(self, name: str, media_type: str, content: str | bytes, stamp_ns: int = 0) -> None:
+        """Append a file, text as UTF-8, logged at a time of the recording [ns].
 
         Raises:
             OutputError: it cannot be written.
         """
         with failure_named(self._path):
-            self._writer.file.attach(name, media_type, content.encode(), stamp_ns)
+            encoded = content.encode() if isinstance(content, str) else content
+            self._writer.file.attach(name, media_type, encoded, stamp_ns)
 
 
 @contextmanager

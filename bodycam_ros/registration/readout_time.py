@@ -64,6 +64,15 @@ class ReadoutLog:
         if matches.readout is not None:
             self._latest[matches.camera] = matches.readout
 
+    @property
+    def latest(self) -> dict[str, Readout]:
+        """Camera -> its own latest estimate."""
+        return dict(self._latest)
+
+    def extend(self, later: Mapping[str, Readout]) -> None:
+        """Take the latest estimates of the stretch of the recording after."""
+        self._latest |= later
+
     def readouts(self) -> dict[str, Readout]:
         """Camera -> its read-out time, pooled with those of its make."""
         return pooled(self._latest, self._sizes)

@@ -10,7 +10,9 @@ import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
+from itertools import chain
 from multiprocessing.connection import wait
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -27,7 +29,7 @@ from bodycam_ros.inertial.camera_turn import CameraTurn
 from bodycam_ros.mapping.body_keyframe import BodyKeyframe, KeyframeDensity
 from bodycam_ros.messages.factory import Message
 from bodycam_ros.messages.tracks import camera_pose_message, image_messages, landmarks_message
-from bodycam_ros.pipeline.camera_front import camera_fronts
+from bodycam_ros.pipeline.camera_front import CameraFront, camera_fronts
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import LAST_NS, WHOLE_NS, Recording, open_recording
 from bodycam_ros.recording.bag_writer import SerializedMessage
@@ -35,6 +37,7 @@ from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replaying.fresh_fronts import FreshFronts
 from bodycam_ros.replaying.map_updates import MapReplica, MapUpdate
 from bodycam_ros.tracking.image_rate import ImageRateLimit
 from bodycam_ros.tracking.track_frame import TrackFrame
@@ -95,12 +98,14 @@ class UnusableCount:
         skipped: images that are in the recording.
         lost: images that are not in it.
         reasons: why, of the first of each camera and kind.
+        items: camera and kind -> the first of these images, with the count of all.
     """
 
     def __init__(self) -> None:
         self.skipped: Counter[str] = Counter()
         self.lost: Counter[str] = Counter()
         self.reasons: list[str] = []
+        self.items: dict[tuple[str, str], UnusableImages] = {}
         self._others: list[str] = []
         self._reported: set[tuple[str, str]] = set()
 
@@ -108,6 +113,8 @@ class UnusableCount:
         """Count an item."""
         counts = self.lost if item.kind == "missing" else self.skipped
         counts[item.camera] += item.count
+        known = self.items.get((item.camera, item.kind))
+        self.items[item.camera, item.kind] = replace(known, count=known.count + item.count) if known else item
         if (item.camera, item.kind) in self._reported:
             return
         if all(kind != item.kind for _, kind in self._reported):
@@ -154,7 +161,11 @@ class RegistrationTask:
         turns: camera -> rotations by its gyroscope.
         keyframes: as of ``CameraFront``.
         names: of the recording's topics.
-        window_ns: first stamp of the images that are registered, and the stamp after the last [ns].
+        windows_ns: first stamp of the images that are registered, and the stamp after the last [ns]; of several parts
+            of the recording in order of time.
+        recorded_ahead_ns: as of ``Recording.images``: read the bag near these parts alone.
+        anew_ns: times that cameras are tracked anew for, see ``FreshFronts``; ascending [ns].
+        shares_readouts: the read-out times are those of a first pass: new fronts begin with these again.
     """
 
     recording_path: Path
@@ -166,7 +177,10 @@ class RegistrationTask:
     turns: Mapping[str, CameraTurn] = field(default_factory=dict)
     keyframes: KeyframeDensity | None = None
     names: TopicNames = AS_RECORDED
-    window_ns: tuple[int, int] = WHOLE_NS
+    windows_ns: tuple[tuple[int, int], ...] = (WHOLE_NS,)
+    recorded_ahead_ns: int | None = None
+    anew_ns: tuple[int, ...] = ()
+    shares_readouts: bool = False
 
 
 def run_camera_worker(
@@ -183,7 +197,7 @@ def run_camera_worker(
         outbox: for the results.
         inbox: of updates of the map.
     """
-    _end_with_parent()
+    end_with_parent()
     bound_inputs()
     # Warnings are for the parent, which counts them and prints each once.
     logging.getLogger("bodycam_ros").setLevel(logging.ERROR)
@@ -203,7 +217,7 @@ def run_camera_worker(
     outbox.put([*ready, last])
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """End this process as soon as its parent ends, however that happens.
 
     The parent holds the other end of a pipe, which closes even if it is killed. On Linux the kernel is asked as well:
@@ -224,26 +238,31 @@ def _end_after(sentinel: int) -> None:
 
 
 def register_images(
-    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[MapUpdate]"
+    task: RegistrationTask, cameras: tuple[str, ...], inbox: "Queue[MapUpdate] | None" = None
 ) -> Iterator[Result | AwaitedUpdate]:
-    """Register the images of some cameras in the order in which they were recorded."""
+    """Register the images of some cameras in the order in which they were recorded.
+
+    Args:
+        task: what is to be done.
+        cameras: names.
+        inbox: of updates of the map, where that may be extended.
+    """
     reference_map = ReferenceMap.load(task.map_path)
     extension = task.settings.extension
-    replica = MapReplica(reference_map, extension.capacity, inbox.get) if extension.enabled else None
+    replica = MapReplica(reference_map, extension.capacity, inbox.get) if inbox and extension.enabled else None
     with open_recording(task.recording_path, task.names) as recording:
-        fronts = camera_fronts(
-            {camera: recording.camera_model(camera) for camera in cameras},
-            reference_map,
-            task.settings,
-            readouts={camera: best_known(recording.readout(camera), task.readouts.get(camera)) for camera in cameras},
-            turns=task.turns,
-            registered_in=None if replica is None else replica.map,
-            keyframes=task.keyframes,
+        fronts = FreshFronts(
+            partial(_front, recording, task, reference_map, None if replica is None else replica.map),
+            # What a map grows by depends on all that was tracked before, and so does a gyroscope's bias.
+            () if replica is not None or task.keyframes is not None or task.turns else task.anew_ns,
+            {camera: best_known(recording.readout(camera), task.readouts.get(camera)) for camera in cameras},
+            carries_readouts=not task.shares_readouts,
         )
         rate = task.settings.images.max_rate
         limit = ImageRateLimit(rate, recording.first_stamp_ns if rate else 0)
         stamp_ns = 0
-        for image in recording.images(cameras, task.window_ns):
+        images = (recording.images(cameras, window_ns, task.recorded_ahead_ns) for window_ns in task.windows_ns)
+        for image in chain.from_iterable(images):
             stamp_ns = image.stamp_ns
             if not limit.is_due(image.camera, stamp_ns):
                 continue
@@ -253,7 +272,7 @@ def register_images(
                     yield AwaitedUpdate(image.camera, image.recorded_ns)
                 replica.advance(image.recorded_ns)
             try:
-                tracks, matches, keyframe = fronts[image.camera].process(decode_grey(image), stamp_ns)
+                tracks, matches, keyframe = fronts.process(image.camera, decode_grey(image), stamp_ns)
             except RecordingError as error:
                 limit.discard(image.camera)
                 text = f"{error}; this image is not used, nor are others like it"
@@ -267,6 +286,27 @@ def register_images(
             text = f"camera {camera}: stamps of {count} images do not increase, or are before 1970; they are dropped"
             yield UnusableImages(camera, stamp_ns, "unordered", text, count)
         yield from missing_images(recording, stamp_ns)
+
+
+def _front(
+    recording: Recording,
+    task: RegistrationTask,
+    reference_map: ReferenceMap,
+    registered_in: ReferenceMap | None,
+    camera: str,
+    readout: Readout | None,
+) -> CameraFront:
+    """A front of a camera, before its first image."""
+    fronts = camera_fronts(
+        {camera: recording.camera_model(camera)},
+        reference_map,
+        task.settings,
+        readouts={camera: readout},
+        turns=task.turns,
+        registered_in=registered_in,
+        keyframes=task.keyframes,
+    )
+    return fronts[camera]
 
 
 def missing_images(recording: Recording, stamp_ns: int) -> Iterator[UnusableImages]:

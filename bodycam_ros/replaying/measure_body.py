@@ -162,7 +162,7 @@ def calibrate(
         map_path,
         replace(pipeline, images=images),
         with_messages=False,
-        window_ns=window_ns,
+        windows_ns=(window_ns,),
         names=names,
     )
     sensors = RegisteredSensors(read_imus((recording_path, *imu_paths), models, names))

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
@@ -23,23 +23,40 @@ from bodycam_ros.pipeline.sensors import camera_turns, unused_sensors
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.camera_poses import CameraPoseLog
-from bodycam_ros.recording.bag_reader import Recording, open_recording
+from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.imu_reader import read_imus
+from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ASSUMED_VERTICAL, load_map
-from bodycam_ros.replaying.camera_worker import RegisteredImage, RegistrationTask, Result, missing_images
+from bodycam_ros.replaying.camera_worker import (
+    AwaitedUpdate,
+    RegisteredImage,
+    RegistrationTask,
+    Result,
+    missing_images,
+    register_images,
+)
 from bodycam_ros.replaying.extend import ExtensionRound, extend_map
-from bodycam_ros.replaying.front_end import merged_results, start_workers
+from bodycam_ros.replaying.first_pass import FirstPass
+from bodycam_ros.replaying.fresh_fronts import LEAD_NS
+from bodycam_ros.replaying.front_end import Worker, merged_results, start_workers
 from bodycam_ros.replaying.recorded_part import part_s, published_window
 from bodycam_ros.replaying.replay_output import ReplayOutput
+from bodycam_ros.replaying.replay_record import SolverOutcome
 from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
+from bodycam_ros.replaying.stretch_file import STRETCH_FILE, stretch_bytes
 from bodycam_ros.replaying.worker_process import warm_up
 from bodycam_ros.results.provenance import source_remarks, write_sources
 from bodycam_ros.static_cameras.start_file import AUTO
+from bodycam_ros.timing.clock_estimator import KnownClocks
 
 logger = logging.getLogger(__name__)
+
+_ALL_NS = -LAST_NS, LAST_NS
+_LATE_NS = 300_000_000  # that the images of one camera may be behind another's where a stretch ends
+_FOLLOWING_NS = 12_000_000_000  # states wait for ten seconds at most until limbs are observed again
 
 
 def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambda step, share: None) -> ReplaySummary:
@@ -52,8 +69,13 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
     Raises:
         BodycamError: anything that is wrong with the input, see the stages.
     """
-    warm_up()
     started = time.monotonic()
+    first = request.first
+    if first is not None:
+        request.check_stretches()
+        request = request.in_stretches()
+    if request.stretch is None:
+        warm_up()
     settings = request.settings
     outside = request.outside
     with ExitStack() as stack:
@@ -75,6 +97,10 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         # Static cameras observe what body cameras that are not on yet do not.
         solves_all = request.whole or bool(stations)
         window_ns, left_out = published_window(recording, mounted or recording.cameras, request.span, solves_all)
+        solved_ns, published_ns = window_ns, _ALL_NS
+        if first is not None:
+            solved_ns, window_ns = _stretch_windows(first, request)
+            published_ns = solved_ns
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
         imus = read_imus(sensor_paths, mounted, request.names) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
@@ -84,13 +110,19 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             request.recording,
             map_path or Path(),
             settings,
-            readouts=body.readout_starts,
+            readouts=body.readout_starts if first is None else first.readouts,
             slim=request.slim,
             turns=camera_turns(body, imus),
             names=request.names,
-            window_ns=window_ns,
+            windows_ns=(window_ns,),
         )
-        workers = stack.enter_context(start_workers(task, mounted, request.jobs))
+        workers = list[Worker]()
+        if first is not None:
+            # A stretch begins with what the whole recording begins anew with there.
+            anew_ns = tuple(stamp_ns for stamp_ns in first.anew_ns if stamp_ns > solved_ns[0])
+            task = replace(task, anew_ns=anew_ns, shares_readouts=True)
+        if request.stretch is None:
+            workers = stack.enter_context(start_workers(task, mounted, request.jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
         stack.enter_context(threadpool_limits(1, user_api="blas"))
         cameras = {camera: recording.camera_model(camera) for camera in mounted}
@@ -122,34 +154,52 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             person,
             cameras,
             settings,
-            on_corrected=log.add_registration,
+            on_corrected=partial(_log, log, published_ns),
             equipment=coupling,
             on_together=partial(on_step, "all frames together"),
             static_cameras=static_cameras,
             stations=stations,
             imus=imus,
+            known_clocks=None if first is None or first.shared is None else KnownClocks(first.shared, first.clocks),
         )
         # The states of the body, as soon as they are solved.
         writer = stack.enter_context(write_recording(request.output, request.force))
         sources = request.sources(own, reference_map, recording.start_ns, recording.first_stamp_ns)
         write_sources(writer, sources, own, recording.start_ns)
         summary.notes = (*([f"{left_out}; --all solves these parts too"] if left_out else ()), *source_remarks(sources))
-        summary.recorded_s = part_s(window_ns, recording)
-        out = ReplayOutput(writer, skeleton, log, cameras, stations, reference_map, coupling, summary)
+        summary.recorded_s = part_s(solved_ns, recording)
+        # The map is drawn once, at the beginning.
+        drawn = None if request.stretch else reference_map
+        clocks = skeleton.clocks
+        out = ReplayOutput(
+            writer, skeleton.body, lambda: clocks.histories, log, cameras, stations, drawn, coupling, summary
+        )
         registered: Iterator[Result] = iter(())
         if reference_map is not None and cameras:
-            registered = merged_results(workers, settings.extension, reference_map)
+            if first is not None and request.stretch is not None:
+                alone = replace(task, recorded_ahead_ns=first.recorded_ahead_ns)
+                registered = (
+                    item for item in register_images(alone, (*cameras,)) if not isinstance(item, AwaitedUpdate)
+                )
+            else:
+                registered = merged_results(workers, settings.extension, reference_map)
         images_step = f"replay of {summary.recorded_s:.1f} s"
-        for item in _with_images(registered, recording, stations, window_ns):
-            out.write_image(item)
-            if isinstance(item, (RegisteredImage, CameraImage)):
-                out.write_states(skeleton.add(item.matches if isinstance(item, RegisteredImage) else item))
-                on_step(images_step, 1e-9 * (item.stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9))
-        out.write_states(skeleton.flush())
-        if not summary.solved:
+        items = _with_images(registered, recording, stations, window_ns, counts_missing=request.stretch is None)
+        outcome = _solve(
+            items,
+            skeleton,
+            out,
+            published_ns,
+            lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9)),
+        )
+        if request.stretch is not None and first is not None:
+            record = out.record(request.stretch, first.count, outcome)
+            writer.attach(STRETCH_FILE, "application/x-npz", stretch_bytes(record), record.latest_ns)
+        elif not summary.solved:
             raise _nothing_solved(request, out.unusable)
-        # Hands that the body file does not have were added here, and need not be observed.
-        out.finish(own.segments_without(cameras))
+        else:
+            # Hands that the body file does not have were added here, and need not be observed.
+            out.finish(own.segments_without(cameras), outcome)
     summary.elapsed_s = time.monotonic() - started
     return summary
 
@@ -172,13 +222,77 @@ def _extend(
     return scratch / "map", rounds
 
 
+def _solve(
+    items: Iterable[Result | CameraImage],
+    skeleton: SkeletonPipeline,
+    out: ReplayOutput,
+    published_ns: tuple[int, int],
+    on_image: Callable[[int], None],
+) -> SolverOutcome:
+    """Solve images in the order in which they were recorded, and write what is in the window that is published.
+
+    Args:
+        items: what came of each.
+        skeleton: solves them.
+        out: takes images and states.
+        published_ns: first stamp of the window, and the stamp after its last [ns].
+        on_image: called with the stamp of each [ns].
+
+    Returns:
+        What was counted in the window.
+    """
+    begin_ns, end_ns = published_ns
+    before = within = None
+    is_over = False
+    for item in items:
+        if begin_ns <= item.stamp_ns < end_ns:
+            before = before or SolverOutcome.of(skeleton)
+            out.write_image(item)
+            on_image(item.stamp_ns)
+        elif item.stamp_ns >= end_ns:
+            within = within or SolverOutcome.of(skeleton)
+        if isinstance(item, (RegisteredImage, CameraImage)):
+            states = skeleton.add(item.matches if isinstance(item, RegisteredImage) else item)
+            out.write_states(each for each in states if _is_in(each.state.stamp_ns, published_ns))
+            is_over = is_over or any(each.state.stamp_ns >= end_ns for each in states)
+        if is_over and item.stamp_ns > end_ns + _LATE_NS:
+            break
+    else:
+        out.write_states(each for each in skeleton.flush() if _is_in(each.state.stamp_ns, published_ns))
+    whole = within or SolverOutcome.of(skeleton)
+    return whole if before is None else whole.since(before)
+
+
+def _log(log: CameraPoseLog, window_ns: tuple[int, int], matches: LandmarkMatches) -> None:
+    if _is_in(matches.stamp_ns, window_ns):
+        log.add_registration(matches)
+
+
+def _is_in(stamp_ns: int, window_ns: tuple[int, int]) -> bool:
+    return window_ns[0] <= stamp_ns < window_ns[1]
+
+
+def _stretch_windows(first: FirstPass, request: ReplayRequest) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Windows of what is published of a stretch, and of the images that are read for it [ns]."""
+    whole_ns = first.bounds_ns[0], first.bounds_ns[-1]
+    if request.stretch is None:
+        return whole_ns, whole_ns
+    begin_ns, end_ns = first.stretch_ns(request.stretch)
+    return (begin_ns, end_ns), (max(whole_ns[0], begin_ns - LEAD_NS), min(whole_ns[1], end_ns + _FOLLOWING_NS))
+
+
 def _with_images(
-    registered: Iterator[Result], recording: Recording, stations: Collection[str], window_ns: tuple[int, int]
+    registered: Iterator[Result],
+    recording: Recording,
+    stations: Collection[str],
+    window_ns: tuple[int, int],
+    counts_missing: bool,
 ) -> Iterator[Result | CameraImage]:
-    """Registrations of body cameras, and images of static ones, in order of their stamps; then missing ones."""
+    """Registrations of body cameras, and images of static ones, in order of their stamps; then those missing."""
     images = recording.images(stations, window_ns) if stations else ()
     yield from merge(registered, images, key=lambda item: item.stamp_ns)
-    yield from missing_images(recording, recording.start_ns)
+    if counts_missing:
+        yield from missing_images(recording, recording.start_ns)
 
 
 def _nothing_solved(request: ReplayRequest, unusable: str) -> BodycamError:

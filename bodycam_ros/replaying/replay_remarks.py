@@ -92,6 +92,17 @@ class CameraSpans:
         first, last = self._spans_ns[camera] or (stamp_ns, stamp_ns)
         self._spans_ns[camera] = min(first, stamp_ns), max(last, stamp_ns)
 
+    @property
+    def known(self) -> dict[str, tuple[int, int]]:
+        """Camera -> first and last stamp [ns], of those with an image."""
+        return {camera: span for camera, span in self._spans_ns.items() if span is not None}
+
+    def extend(self, later: Mapping[str, tuple[int, int]]) -> None:
+        """Note the images of another stretch of the recording."""
+        for camera, span in later.items():
+            for stamp_ns in span:
+                self.add(camera, stamp_ns)
+
     def remarks(self) -> tuple[str, ...]:
         """A line for every camera without images, or with none at the time of the others."""
         lines = []

@@ -1,14 +1,16 @@
 """What a replay is asked for: the files of one recording, and how it is solved."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.errors import SettingsError
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.replaying.first_pass import FirstPass
 from bodycam_ros.replaying.recorded_part import WHOLE
 from bodycam_ros.results.provenance import (
     BODY,
@@ -43,6 +45,8 @@ class ReplayRequest:
         names: of the recording's topics.
         span: the part of the recording that is solved.
         whole: solve all of it, also where few of the body's cameras run.
+        first: clocks, read-out times and stretches by a first pass; None without one.
+        stretch: the stretch of it that is solved, from 0 on; None for all of the recording.
     """
 
     recording: Path
@@ -60,6 +64,34 @@ class ReplayRequest:
     names: TopicNames = AS_RECORDED
     span: TimeSpan = WHOLE
     whole: bool = False
+    first: FirstPass | None = None
+    stretch: int | None = None
+
+    def check_stretches(self) -> None:
+        """Refuse what cannot be solved in stretches, as a stretch would need to know those before it.
+
+        Raises:
+            SettingsError: such a setting, or such inputs.
+        """
+        for is_asked, what, remedy in (
+            (self.outside is not None, "with static cameras (--stations)", ""),
+            (self.equipment is not None, "with equipment (--equipment)", ""),
+            (self.passes > 1, "while the map is extended (--passes)", "; extend it first with 'bodycam map extend'"),
+            (self.map is None, "without a map", ""),
+            (self.settings.estimator.whole_recording, "with estimator.output_delay 'offline'", "; give frames"),
+            (bool(self.imus), "with inertial sensors (--imu)", ""),
+        ):
+            if is_asked:
+                raise SettingsError(
+                    f"a recording is not solved in stretches {what}: each would need to know what came before it"
+                    f"{remedy or '; replay it in one go'}"
+                )
+
+    def in_stretches(self) -> "ReplayRequest":
+        """Return the request without what depends on all that came before: a map that grows, inertial sensors."""
+        settings = self.settings
+        settings = replace(settings, extension=replace(settings.extension, enabled=False))
+        return replace(self, settings=replace(settings, inertial=replace(settings.inertial, enabled=False)))
 
     def sources(
         self, body: BodyModel, reference_map: ReferenceMap | None, start_ns: int, first_stamp_ns: int

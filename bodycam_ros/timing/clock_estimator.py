@@ -5,7 +5,7 @@ corrected by what is known so far.
 """
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -52,6 +52,19 @@ class _Camera:
         return bool(self.images) and self.images[-1].stamp_ns - self.images[0].stamp_ns >= _FIRST_NS
 
 
+@dataclass(frozen=True)
+class KnownClocks:
+    """Clocks of a recording that are not estimated any more.
+
+    Attributes:
+        shared: the cameras that share their stamps.
+        clocks: camera -> its clock, from one stamp on each.
+    """
+
+    shared: SharedStamps
+    clocks: Mapping[str, tuple[ClockState, ...]]
+
+
 class ClockEstimator:
     """Estimates the clocks of a body's cameras, whose stamps increase.
 
@@ -61,6 +74,7 @@ class ClockEstimator:
         settings: of clocks.
         floor: (6, 6) covariance that is added to every registration's.
         live: whether to let every image pass at once.
+        known: clocks that a first pass over the recording found, which stay as they are; None to estimate them.
 
     Attributes:
         shared: the cameras that share their stamps, and always did; None before enough images have come.
@@ -74,6 +88,7 @@ class ClockEstimator:
         settings: ClockSettings,
         floor: Array,
         live: bool,
+        known: "KnownClocks | None" = None,
     ) -> None:
         self._body = body
         self._floor = floor
@@ -83,7 +98,11 @@ class ClockEstimator:
         self._first_ns = self.latest_ns = self._window_ns = self._filter_ns = -1
         self._is_over = False
         self._names = set[str]()  # of the cameras with images in this epoch
-        self.shared: SharedStamps | None = None
+        self._is_known = known is not None
+        self.shared: SharedStamps | None = None if known is None else known.shared
+        for camera, clocks in known.clocks.items() if known else ():
+            if camera in self._cameras:
+                self._cameras[camera].clocks = [*clocks]
 
     @property
     def clocks(self) -> dict[str, ClockState]:
@@ -121,7 +140,12 @@ class ClockEstimator:
     @property
     def known_ns(self) -> int:
         """Images before this stamp can be corrected as well as they ever will [ns]."""
-        if not self._cameras or self._is_over or (self._live and not (self.shared is None and self._first_ns >= 0)):
+        if (
+            not self._cameras
+            or self._is_known
+            or self._is_over
+            or (self._live and not (self.shared is None and self._first_ns >= 0))
+        ):
             return ALL_NS
         if self.shared is None:
             return -1
@@ -131,6 +155,9 @@ class ClockEstimator:
     def add(self, matches: LandmarkMatches) -> None:
         """Add an image, later than those of its camera before."""
         camera, stamp_ns = self._cameras.get(matches.camera), matches.stamp_ns
+        if self._is_known:
+            self.latest_ns = max(self.latest_ns, stamp_ns)
+            return
         if camera is None:
             return
         camera.images.append(matches)
@@ -148,6 +175,8 @@ class ClockEstimator:
 
     def flush(self) -> None:
         """The recording or the epoch is over or, live, no image has come for a while: nothing will be known better."""
+        if self._is_known:
+            return
         if self.shared is None and self._first_ns >= 0:
             self._initialise()
             if self._live and not (self.shared and self.shared.period_ns):
@@ -158,6 +187,9 @@ class ClockEstimator:
 
     def restart(self) -> None:
         """Begin a new epoch, after ``flush``: clocks are kept."""
+        if self._is_known:
+            self.latest_ns = -1
+            return
         self._cameras = {name: _Camera(clocks=camera.clocks[-1:]) for name, camera in self._cameras.items()}
         self._first_ns = self.latest_ns = self._window_ns = -1
         self._is_over = False
