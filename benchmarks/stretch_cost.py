@@ -21,8 +21,8 @@ import numpy as np
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.quality.camera_poses import CameraPoseLog
 from bodycam_ros.recording.bag_records import read_bag_records
-from bodycam_ros.replaying.first_pass import BLOCK_S, FirstPass
-from bodycam_ros.replaying.make_first_pass import SAMPLED_SHARE, make_first_pass
+from bodycam_ros.replaying.first_pass import BLOCK_S, SAMPLED_SHARE, FirstPass
+from bodycam_ros.replaying.make_first_pass import make_first_pass
 from bodycam_ros.replaying.merge import merge_stretches
 from bodycam_ros.replaying.replay import replay
 from bodycam_ros.replaying.replay_request import ReplayRequest

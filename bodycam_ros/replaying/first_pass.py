@@ -18,6 +18,12 @@ from bodycam_ros.timing.stamps import SharedStamps
 BLOCK_S = 30.0
 """Time between two places at which cameras are tracked anew, and stretches may begin [s]: it costs 2 s of work."""
 
+SAMPLE_S, EVERY_S = 4.8, 120.0
+"""Clocks are estimated from four seconds and some margin; an hour of 30 samples knows them to 0.5 ms."""
+
+SAMPLED_SHARE = SAMPLE_S / EVERY_S
+"""Share of a long recording that the first pass reads."""
+
 _VERSION = 1
 
 _KIND = "first pass of bodycam replay"

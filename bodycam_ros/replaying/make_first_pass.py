@@ -15,7 +15,7 @@ from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.replaying.camera_worker import RegistrationTask
-from bodycam_ros.replaying.first_pass import BLOCK_S, FirstPass, block_bounds
+from bodycam_ros.replaying.first_pass import BLOCK_S, EVERY_S, SAMPLE_S, FirstPass, block_bounds
 from bodycam_ros.replaying.front_end import registered_images
 from bodycam_ros.replaying.recorded_part import published_window
 from bodycam_ros.replaying.replay_request import ReplayRequest
@@ -25,12 +25,7 @@ from bodycam_ros.timing.stamps import SharedStamps
 
 logger = logging.getLogger(__name__)
 
-_SAMPLE_S, _EVERY_S, _LEAST_SAMPLES = 4.8, 120.0, 3
-"""Clocks are estimated from four seconds and some margin; an hour of 30 samples knows them to 0.5 ms."""
-
-SAMPLED_SHARE = _SAMPLE_S / _EVERY_S
-"""Share of a long recording that the first pass reads."""
-
+_LEAST_SAMPLES = 3
 _WHOLE_S = 20.0  # of a recording that is its own sample
 _JUMP_S, _JUMP_SIGMAS = 0.006, 5.0  # by which clocks of two samples differ beyond their drift if one was set
 
@@ -100,9 +95,9 @@ def _samples(window_ns: tuple[int, int]) -> tuple[tuple[int, int], ...]:
     lasting_s = 1e-9 * (end_ns - begin_ns)
     if lasting_s <= _WHOLE_S:
         return (window_ns,)
-    count = max(_LEAST_SAMPLES, round(lasting_s / _EVERY_S))
-    starts = np.linspace(begin_ns, end_ns - 1e9 * _SAMPLE_S, count).astype(np.int64)
-    return tuple((start, start + round(1e9 * _SAMPLE_S)) for start in starts.tolist())
+    count = max(_LEAST_SAMPLES, round(lasting_s / EVERY_S))
+    starts = np.linspace(begin_ns, end_ns - 1e9 * SAMPLE_S, count).astype(np.int64)
+    return tuple((start, start + round(1e9 * SAMPLE_S)) for start in starts.tolist())
 
 
 def _clocks(

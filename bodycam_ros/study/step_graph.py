@@ -157,7 +157,7 @@ class StepGraph:
             # Absolute: the engine runs it in the folder of results.
             return shlex.join(os.path.abspath(word) if isinstance(word, Path) else word for word in words)
 
-        command = quoted(sys.executable, "-m", "bodycam_ros.cli.main", *step.parts)
+        command = quoted(sys.executable, "-m", "bodycam_ros.cli.main", *step.stage.split(), *step.parts[1:])
         jobs = ' --jobs "$1"' if step.is_parallel else ""
         log = quoted(self._log(step)) if self.is_logged else "/dev/stderr"
         output = f" >{log} 2>&1" if self.is_logged else ""

@@ -58,6 +58,9 @@ _COSTS: Mapping[str, _Cost] = {
     "ingest": _Cost(0.01, 500.0, 200.0, 0.0),
     "body": _Cost(0.01, 600.0, 150.0, 0.02),
     "replay": _Cost(0.005, 500.0, 150.0, 0.02),
+    "replay first": _Cost(0.005, 500.0, 150.0, 0.02),
+    "replay stretch": _Cost(0.005, 500.0, 0.0, 0.02),
+    "replay merge": _Cost(0.0001, 500.0, 0.0, 0.001),
     "evaluate": _Cost(0.01, 800.0, 0.0, 0.05),
     "export": _Cost(0.002, 500.0, 0.0, 0.02),
 }
@@ -86,11 +89,12 @@ class StepNeeds:
         return StepNeed(threads, math.ceil(memory_mb), math.ceil(minutes))
 
     def _images(self, step: Step) -> int:
-        """Images of the recording, or photographs, from which its first input was made."""
+        """Images of the recording, or photographs, from which its first input was made, as far as it reads them."""
         path = step.inputs[0]
         while (maker := self._makers.get(path)) is not None:
             path = maker.inputs[0]
-        return count_photographs(path) if step.stage == "map" else count_images(path)
+        count = count_photographs(path) if step.stage == "map" else count_images(path)
+        return math.ceil(step.share * count)
 
 
 def count_photographs(path: Path) -> int:

@@ -8,10 +8,12 @@ from pathlib import Path
 import msgspec
 
 from bodycam_ros.recording.bag_file import METADATA, is_bag
+from bodycam_ros.replaying.first_pass import SAMPLED_SHARE
 
-_SERIAL = ("evaluate", "export")  # commands without --jobs
+_SERIAL = ("replay stretch", "replay merge", "evaluate", "export")  # commands that take one processor
 _PLAIN = str.maketrans("{}", "__")  # to the engine, braces in the name of an output are a pattern
-_MAIN_FILES = {"map": "map.yaml", "ingest": METADATA, "replay": METADATA, "evaluate": "summary.json"}
+_BAGS = ("ingest", "replay", "replay stretch", "replay merge")
+_MAIN_FILES = {"map": "map.yaml", **dict.fromkeys(_BAGS, METADATA), "evaluate": "summary.json"}
 
 
 @dataclass(frozen=True)
@@ -82,12 +84,14 @@ class Recording(Source):
         subject, place: names.
         truth: reference for the evaluation.
         equipment: file, or name of a supplied one.
+        stretches: how many it is solved in, each a step; None for in one go.
     """
 
     subject: str
     place: str
     truth: Path | None
     equipment: Path | str | None
+    stretches: int | None = None
 
 
 @dataclass(frozen=True)
@@ -130,12 +134,14 @@ class Step:
         parts: of the command line, without ``--jobs``; the first is the command. Paths are inputs, or the output.
         output: file or folder that it writes.
         recording: name of the recording that it solves; empty for a step of a place or a subject.
+        share: of the recording that it reads.
     """
 
     name: str
     parts: tuple[str | Path, ...]
     output: Path
     recording: str = ""
+    share: float = 1.0
 
     @cached_property
     def inputs(self) -> tuple[Path, ...]:
@@ -145,12 +151,12 @@ class Step:
     @cached_property
     def words(self) -> tuple[str, ...]:
         """The command line."""
-        return tuple(map(str, self.parts))
+        return (*self.stage.split(), *map(str, self.parts[1:]))
 
     @property
     def stage(self) -> str:
-        """The command: "replay"."""
-        return self.words[0]
+        """The command: "replay", or "replay merge"."""
+        return str(self.parts[0])
 
     @property
     def main_file(self) -> Path:
@@ -178,6 +184,33 @@ def study_steps(study: Study, folder: Path) -> list[Step]:
         steps.append(Step(name, (command, *given, *known, "-o", output, *replaces), output))
         return output
 
+    def replayed(
+        name: str, bag: Path, results: Path, count: int | None, flags: Mapping[str, Path | str | None]
+    ) -> Path:
+        out = results / "out"
+        if count is None:
+            return add(f"{name}: replay", "replay", bag, output=out, **flags)
+        at, stretches, parts = len(steps), f"{name}: replay stretch", results / "stretches"
+        first = add(
+            f"{name}: replay first", "replay first", bag, output=parts / "first.json", stretches=str(count), **flags
+        )
+        all_share = {**flags, "first": first}
+        solved = [
+            add(
+                f"{stretches} {number}",
+                "replay stretch",
+                bag,
+                output=parts / f"{number}",
+                number=f"{number}",
+                **all_share,
+            )
+            for number in range(1, count + 1)
+        ]
+        add(f"{name}: replay", "replay merge", bag, *solved, output=out, **all_share)
+        shares = (SAMPLED_SHARE, *[1.0 / count] * count, 1.0)
+        steps[at:] = [replace(step, share=share) for step, share in zip(steps[at:], shares, strict=True)]
+        return out
+
     def ingested(name: str, source: Source, bag: Path, rig: Path | None) -> Path:
         if source.is_bag:
             return source.path
@@ -203,8 +236,13 @@ def study_steps(study: Study, folder: Path) -> list[Step]:
         map_path, body = maps.get(recording.place), bodies[recording.subject]
         if map_path is None or body is None:
             continue
-        solved = {"map": map_path, "body": body, "equipment": recording.equipment, "config": study.settings}
-        out = add(f"{name}: replay", "replay", bag, output=results / "out", **solved)
+        solved: dict[str, Path | str | None] = {
+            "map": map_path,
+            "body": body,
+            "equipment": recording.equipment,
+            "config": study.settings,
+        }
+        out = replayed(name, bag, results, recording.stretches, solved)
         add(f"{name}: evaluate", "evaluate", out, output=results / "report", recording=bag, truth=recording.truth)
         for form in study.exports:
             add(f"{name}: export {form}", "export", out, output=folder / "exports" / form / f"{name}.{form}", to=form)

@@ -31,6 +31,7 @@ class _RecordingEntry(Entry, frozen=True):
     place: str | None = None
     truth: _Text | None = None
     equipment: _Text | None = None
+    stretches: Annotated[int, msgspec.Meta(ge=1, le=10_000)] | None = None
 
 
 class _StudyEntry(Entry, frozen=True):
@@ -114,10 +115,19 @@ class _StudyReader:
         subject = self._chosen(key, "subject", each.subject, entry.subjects)
         place = self._chosen(key, "place", each.place, entry.places)
         equipment = self._equipment(f"{key}.equipment", each.equipment or entry.equipment)
+        if each.stretches is not None and equipment is not None:
+            self._refuse(f"{key}.stretches", "a recording with equipment is not solved in stretches; leave it out")
         for source in self._sources(f"{key}.path", each.path, each.name):
             truth = each.truth and each.truth.replace("{name}", source.name).replace("{path}", str(source.path))
             known = None if truth is None else self._existing(f"{key}.truth", self._below(truth))
-            yield Recording(**vars(source), subject=subject, place=place, truth=known, equipment=equipment)
+            yield Recording(
+                **vars(source),
+                subject=subject,
+                place=place,
+                truth=known,
+                equipment=equipment,
+                stretches=each.stretches,
+            )
 
     def _sources(self, key: str, text: str, name: str | None) -> Iterator[Source]:
         """The recordings that a path or pattern means, in the order of their names.

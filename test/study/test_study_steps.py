@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 from helpers.naming import naming
 
-from bodycam_ros.cli.main import make_parser
-from bodycam_ros.errors import OutputError, RecordingError
+from bodycam_ros.cli.main import join_command, make_parser
+from bodycam_ros.errors import OutputError, RecordingError, StudyError
 from bodycam_ros.study.study import Step, Study, study_steps
 from bodycam_ros.study.study_file import LAYOUT, check_results_folder, list_missing, read_recording_folder, read_study
 
@@ -39,7 +39,8 @@ def check(steps: list[Step]) -> None:
     for step in steps:
         assert all(path.exists() or path in made for path in step.inputs), step.name
         made.add(step.output)
-        assert make_parser(step.words).parse_args([*step.words, *(["--jobs", "2"] if step.is_parallel else [])]).run
+        words = join_command([*step.words, *(["--jobs", "2"] if step.is_parallel else [])])
+        assert make_parser(words).parse_args(words).run
 
 
 def test_all_steps_of_a_folder(tmp_path: Path) -> None:
@@ -50,6 +51,29 @@ def test_all_steps_of_a_folder(tmp_path: Path) -> None:
     assert names[3:] == ["run: replay", "run: evaluate", "walk: ingest", "walk: replay", "walk: evaluate"]
     assert not list_missing(study)
     check(steps)
+
+
+def test_a_recording_in_stretches_has_a_step_for_each(tmp_path: Path) -> None:
+    folder_with(tmp_path, *(file for file in ALL if file != "equipment.yaml"))
+    text = STUDY.replace("equipment: equipment.yaml\n", "").replace("path: takes/*", "path: takes/run, stretches: 3")
+    (tmp_path / "study.yaml").write_text(text)
+    steps = study_steps(read_study(tmp_path / "study.yaml"), tmp_path / "results")
+    check(steps)
+    first, *stretches, merge = [step for step in steps if step.name.startswith("run: replay")]
+    assert [step.words[:2] for step in (first, *stretches, merge)] == [
+        ("replay", "first"), *[("replay", "stretch")] * 3, ("replay", "merge")
+    ]  # fmt: skip
+    assert all(first.output in step.inputs for step in (*stretches, merge))
+    assert {step.output for step in stretches} <= set(merge.inputs)
+    assert merge.output == tmp_path / "results/takes/run/out"
+    assert sum(step.share for step in stretches) == pytest.approx(1.0)
+
+
+def test_equipment_is_not_solved_in_stretches(tmp_path: Path) -> None:
+    folder_with(tmp_path, *ALL)
+    (tmp_path / "study.yaml").write_text(STUDY.replace("path: takes/*", "path: takes/run, stretches: 3"))
+    with naming(StudyError, tmp_path / "study.yaml", "recordings[0].stretches"):
+        read_study(tmp_path / "study.yaml")
 
 
 def test_a_study_runs_the_commands_of_a_folder(tmp_path: Path) -> None:
