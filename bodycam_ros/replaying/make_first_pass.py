@@ -144,7 +144,7 @@ def _linear(camera: str, clocks: Sequence[ClockState]) -> tuple[ClockState, ...]
         by_s = after.offset - before.offset - before.drift * seconds
         if abs(by_s) > max(_JUMP_S, _JUMP_SIGMAS * float(np.hypot(before.offset_sigma, before.drift_sigma * seconds))):
             raise RecordingError(
-                f"camera {camera}: its clock was set while the recording ran, by {1e3 * by_s:+.0f} ms: stretches "
+                f"camera {camera}: its clock was set while the recording ran, by {1e3 * by_s:+z.0f} ms: stretches "
                 "of the recording have no common time; replay it in one go"
             )
         drift = (after.offset - before.offset) / seconds
