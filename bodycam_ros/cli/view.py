@@ -6,8 +6,6 @@ from importlib import import_module
 from pathlib import Path
 
 from bodycam_ros.cli.options import add_option, check_files, given_flags
-from bodycam_ros.cli.output import shown_progress
-from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import ViewError
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.viewer.sources import Sources
@@ -25,10 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_option(parser, "--recording", metavar="BAG", help="bag that OUT was solved from: shows its images")
     add_option(parser, "--stations", help="file of static cameras; they and their images are shown")
     add_option(parser, "--surface")
-    video_help = "write a video of the body to this file, without a browser; with --place: the START.yaml to write"
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.mp4", help=video_help)
-    over_help = "with -o and --recording: draw the body over the images of this camera (default: a view from outside)"
-    add_option(parser, "--over", type=str, metavar="CAMERA", needs="output", help=over_help)
+    parser.add_argument("-o", "--output", type=Path, metavar="START.yaml", help="with --place: the file to write")
     parser.add_argument("--force", action="store_true", help="replace the output, if already there")
     place_help = "place the body by hand in the first images of --stations, and write the START.yaml that -o names"
     add_option(parser, "--place", metavar="BAG", help=place_help)
@@ -63,7 +58,10 @@ def run(arguments: argparse.Namespace) -> int:
     elif arguments.place is not None:
         _place(arguments)
     elif arguments.output is not None:
-        _write_video(arguments)
+        raise ViewError(
+            f"{arguments.output}: 'bodycam view' writes no film; 'bodycam film OUT -o walk.mp4' does, with --view "
+            "camera:NAME over the images of a camera"
+        )
     else:
         # The web server takes half a second to load; the other commands and --help do without.
         from bodycam_ros.viewer.server import LocalServer
@@ -85,18 +83,8 @@ def _read_sources(arguments: argparse.Namespace) -> Sources:
     )
 
 
-def _write_video(arguments: argparse.Namespace) -> None:
-    from bodycam_ros.viewer.film import write_film
-
-    check_files(arguments, (arguments.output, b"ftyp", "video"))
-    sources = _read_sources(arguments)
-    with shown_progress() as progress:
-        write_film(sources, arguments.over, arguments.output, progress)
-    Terminal().print(f"video written to {arguments.output}")
-
-
 def _place(arguments: argparse.Namespace) -> None:
-    _refuse(arguments, "--place: a start is made of a recording that is not solved yet", "recording", "over")
+    _refuse(arguments, "--place: a start is made of a recording that is not solved yet", "recording")
     if arguments.stations is None or arguments.output is None:
         arguments.usage_error("--place needs --stations CAMERAS.YAML and -o START.yaml")
     if (arguments.body is None) == (arguments.height is None):
@@ -119,7 +107,7 @@ def _refuse(arguments: argparse.Namespace, reason: str, *flags: str) -> None:
 
 
 def _view_live(arguments: argparse.Namespace) -> None:
-    unused = ("body", "recording", "stations", "surface", "output", "over", "place", "start", "height")
+    unused = ("body", "recording", "stations", "surface", "output", "place", "start", "height")
     _refuse(arguments, "--live: the running graph publishes the body", *unused)
     try:
         listener = import_module("bodycam_ros.nodes.body_listener").BodyListener

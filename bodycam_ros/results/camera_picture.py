@@ -104,15 +104,15 @@ def draw_picture(
 
 def draw_body(
     pixels: NDArray[np.generic], model: CameraModel, world_T_camera: Array, bones: Iterable[Bone], width: int,
-    scale: float = 1.0, *, is_bgr: bool = False,
+    scale: float = 1.0,
 ) -> None:  # fmt: skip
     """Draw limbs as lines of a width [px], and under them equipment half as wide, into an image of another scale."""
     for bone in sorted(bones, key=lambda bone: not bone.is_equipment):
         line = project_bone(model, world_T_camera, bone) * scale
         if bone.is_equipment:
-            draw_polyline(pixels, line, EQUIPMENT, width // 2, is_bgr=is_bgr)
+            draw_polyline(pixels, line, EQUIPMENT, width // 2)
         else:
-            draw_polyline(pixels, line, side_colour(bone.segment), width, is_bgr=is_bgr)
+            draw_polyline(pixels, line, side_colour(bone.segment), width)
 
 
 def draw_polyline(pixels: NDArray[np.generic], points: Array, colour: str, width: int, *, is_bgr: bool = False) -> None:
