@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bag_help = "bag that OUT was solved from: adds reprojection errors and overlay.png"
     add_option(parser, "--recording", metavar="BAG", help=bag_help)
     add_option(parser, "--imu")
+    add_option(parser, "--map", help="reference map that OUT was solved in: adds way.png, the way in the place")
     without_help = "bag of the same recording solved without --equipment: adds what the equipment changes"
     add_option(parser, "--without", metavar="OUT2", help=without_help)
     add_span(parser)
@@ -62,7 +63,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     static_cameras_help = "with --recording: where its static cameras are; adds outside.png, the body over their images"
     add_option(static, "--stations", needs="recording", help=static_cameras_help)
     add_option(static, "--surface")
-    add_option(static, "--map", needs="stations")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -74,6 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.evaluate.report import check_report_folder, report_lines, write_report
     from bodycam_ros.evaluate.report_sections import report_sections
     from bodycam_ros.formats.read_captured import is_captured
+    from bodycam_ros.registration.reference_map import ReferenceMap
+    from bodycam_ros.results.provenance import warn_of_differences
     from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 
     folder, recording = arguments.output, arguments.recording
@@ -99,13 +101,16 @@ def run(arguments: argparse.Namespace) -> int:
                 arguments.normal,
                 arguments.without,
             )
+        reference_map = None if arguments.map is None else ReferenceMap.load(arguments.map)
+        if reference_map is not None and arguments.stations is None:
+            warn_of_differences(arguments.solved, (reference_map, arguments.map))
         with progress.step("drawing", 1):
             overlay = () if recording is None else tuple(body_camera_views(evaluation.solved, recording))
             views: tuple[ImageView, ...] = ()
             if arguments.stations is not None:
                 files = StaticCameraFiles(arguments.stations, arguments.surface, None)
                 views = static_camera_views(evaluation.solved, recording, files, arguments.map)
-            write_report(evaluation, folder, overlay, views)
+            write_report(evaluation, folder, overlay, views, reference_map)
     terminal = Terminal()
     print_sections(terminal, report_sections(evaluation.figures))
     terminal.print("\n".join([*report_lines(evaluation), f"written to {folder}"]))

@@ -17,9 +17,11 @@ from bodycam_ros.evaluate.report_sections import ANGLES, CENTRES, WITHOUT, repor
 from bodycam_ros.evaluate.sections import Picture, Section, render_page
 from bodycam_ros.evaluate.summary_picture import draw_summary
 from bodycam_ros.evaluate.time_panels import draw_joint_errors, draw_sensors
+from bodycam_ros.evaluate.way_picture import draw_way
 from bodycam_ros.evaluate.with_and_without import draw_constraints
 from bodycam_ros.files.output_place import check_file, check_output
 from bodycam_ros.files.whole_file import whole_files
+from bodycam_ros.registration.reference_map import ReferenceMap
 
 FIGURES, PAGE = "summary.json", "report.html"
 _CAPTIONS = {
@@ -27,6 +29,9 @@ _CAPTIONS = {
     "angles.png": (
         f"Angles of joints in the sagittal plane, left and right; {CONVENTION}. Where three strides or more were found "
         "the angles are over the gait cycle, the mean and one standard deviation over the strides; else over time."
+    ),
+    "way.png": (
+        "The way of the pelvis on the ground, over the photograph of the map that shows most of it, and from above."
     ),
     "joints.png": "Error of each joint against the truth, over time.",
     "centres.png": "Centres of the body cameras against the truth, before the optimisation and after it.",
@@ -56,6 +61,7 @@ _SECTIONS = {
     ),
     "centres.png": (CENTRES,),
     "constraints.png": (WITHOUT,),
+    "way.png": ("the way",),
     "sensors.png": ("inertial sensors",),
     "overlay.png": ("cameras", "images of body cameras"),
     "outside.png": ("static cameras", "images of static cameras"),
@@ -135,6 +141,7 @@ def write_report(
     folder: Path,
     overlay: Sequence[ImageView] = (),
     outside: Sequence[ImageView] = (),
+    reference_map: ReferenceMap | None = None,
 ) -> None:
     """Write figures, pictures and the page; earlier ones are replaced.
 
@@ -143,8 +150,10 @@ def write_report(
         folder: to write to.
         overlay: views of body cameras.
         outside: views of static cameras.
+        reference_map: that it was solved in, to draw the way in it.
 
     Raises:
+        MapError: a photograph of the map is damaged.
         OutputError: they cannot be written.
     """
     figures = evaluation.figures
@@ -152,6 +161,8 @@ def write_report(
         (unfinished / FIGURES).write_text(figures_text(figures))
         draw_summary(evaluation, unfinished / "summary.png")
         draw_angles(evaluation.solved, evaluation.cycles, unfinished / "angles.png", evaluation.normal)
+        if reference_map is not None:
+            draw_way(evaluation.solved, reference_map, unfinished / "way.png")
         if evaluation.truth_name:
             draw_joint_errors(evaluation, unfinished / "joints.png")
         if evaluation.centres:
