@@ -123,7 +123,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "usd": Format(
         "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, usd.write_usd,
-        _FIGURE | {"surface"},
+        _FIGURE | {"up", "scale", "surface"},
         is_even=True,
     ),
 }  # fmt: skip

@@ -1,7 +1,7 @@
 """USD: a moving skinned skeleton (UsdSkel), for Omniverse, Houdini, Maya, Unreal and Apple's viewers.
 
-It is a text file, for every reader of ``.usd`` and ``.usda``. Metres, z up; a frame is a time code. In a gap there are
-no samples, and readers interpolate.
+It is a text file, for every reader of ``.usd`` and ``.usda``. Metres, z up, unless options change it, which the file
+tells its readers; a frame is a time code. In a gap there are no samples, and readers interpolate.
 """
 
 import json
@@ -45,10 +45,10 @@ def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     doc = "written by bodycam_ros"
     endTimeCode = {last}
     framesPerSecond = {motion.rate:.9g}
-    metersPerUnit = 1
+    metersPerUnit = {1.0 / (options.scale or 1.0):.9g}
     startTimeCode = 0
     timeCodesPerSecond = {motion.rate:.9g}
-    upAxis = "Z"
+    upAxis = "{(options.up or _UP).upper()}"
 )
 
 def SkelRoot "{name}"

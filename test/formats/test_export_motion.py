@@ -1,5 +1,6 @@
 """bodycam export of motion: every format read back by a reader of others, with the joints where OUT has them."""
 
+import re
 from pathlib import Path
 
 import c3d
@@ -47,6 +48,17 @@ def test_bvh_has_the_joints_where_they_were(sample_exported: Exported, pose: str
     for column, segment in enumerate(read.joint_names):
         ours = sample_exported.places(segment) @ UP_AXES[up].T
         np.testing.assert_allclose(positions[:, column] / scale, ours, rtol=0.0, atol=JOINT_M / 50.0)
+
+
+@pytest.mark.parametrize(("up", "scale"), [("y", 1.0), ("z", 100.0)])
+def test_usd_tells_its_readers_which_axis_is_up_and_its_unit(sample_exported: Exported, up: str, scale: float) -> None:
+    text = sample_exported.file("usd", "--up", up, "--scale", str(scale), "--force").read_text()
+    assert f'upAxis = "{up.upper()}"' in text and f"metersPerUnit = {1.0 / scale:g}" in text
+    samples = re.search(r"translations\.timeSamples = \{\s*0: \[\(([^)]*)\)", text)
+    assert samples is not None
+    root = np.array([float(each) for each in samples[1].split(",")])
+    ours = sample_exported.places("pelvis")[0] @ UP_AXES[up].T
+    np.testing.assert_allclose(root / scale, ours, rtol=0.0, atol=JOINT_M / 10.0)
 
 
 def rest_places(file: Path) -> dict[str, NDArray[np.float64]]:
