@@ -103,7 +103,7 @@ def with_and_without(
         spans = [f"{1e-9 * s[0]:.3f} to {1e-9 * s[-1]:.3f} s" for s in (solved.stamps_ns, other.stamps_ns)]
         raise RecordingError(
             f"{other.path}: has no state of {solved.path} at which its equipment was placed; they span {spans[1]} and "
-            f"{spans[0]}; are they of the same recording?"
+            f"{spans[0]}; check that they are of the same recording"
         )
     rows, other_rows = rows[placed], other_rows[placed]
     points = []

@@ -112,7 +112,7 @@ def read_c3d(path: Path) -> CapturedMotion:
         )
     elif (stated := int(content["stated"])) > positions.shape[1]:
         logger.warning(
-            "%s: its header says %d frames, it has %d; these are read. Was it copied whole?",
+            "%s: its header says %d frames, it has %d; these are read; copy it again to have all",
             path,
             stated,
             positions.shape[1],

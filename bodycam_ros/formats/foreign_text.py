@@ -43,5 +43,5 @@ def is_last_row_cut(path: Path, text: str, widths: Sequence[int]) -> bool:
     """
     if len(widths) < 2 or text.endswith("\n") or widths[-1] >= min(widths[:-1]):
         return False
-    logger.warning("%s: ends within its last row, which is left out; was it copied whole?", path)
+    logger.warning("%s: ends within its last row, which is left out; copy or export it again if that row matters", path)
     return True

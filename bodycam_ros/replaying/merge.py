@@ -74,8 +74,8 @@ def merge_stretches(request: ReplayRequest, first: FirstPass, parts: Sequence[Pa
                 outcome = outcome.followed_by(stretch.outcome) if number else outcome
             if not summary.solved:
                 raise MapError(
-                    f"no camera of {request.recording} could be registered in {request.map} in any stretch; is it the "
-                    "map of another place, or are the images too dark or blurred?"
+                    f"no camera of {request.recording} could be registered in {request.map} in any stretch; check "
+                    "that this is the map of the place, and that the images are neither dark nor blurred"
                 )
             if request.settings.images.max_rate:
                 summary.left_out += not_read

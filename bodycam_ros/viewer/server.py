@@ -77,8 +77,8 @@ class LocalServer(viser.ViserServer):
         if port not in (0, self.get_port()):
             self.stop()
             raise ViewError(
-                f"port {port} of this machine is in use (by another 'bodycam view'?) or not allowed; choose another "
-                "one with --port, or any free one with --port 0"
+                f"port {port} of this machine is in use (perhaps by another 'bodycam view') or not allowed; choose "
+                "another one with --port, or any free one with --port 0"
             )
 
     @property
