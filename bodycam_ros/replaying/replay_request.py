@@ -87,6 +87,15 @@ class ReplayRequest:
                     f"{remedy or '; replay it in one go'}"
                 )
 
+    @property
+    def left_out_of_stretches(self) -> tuple[str, ...]:
+        """What a replay in one go does and its stretches do not, a line each."""
+        off = {
+            "the map is not extended by what cameras see": self.settings.extension.enabled,
+            "inertial sensors are not used": self.settings.inertial.enabled,
+        }
+        return tuple(f"in stretches {what}" for what, is_on in off.items() if is_on)
+
     def in_stretches(self) -> "ReplayRequest":
         """Return the request without what depends on all that came before: a map that grows, inertial sensors."""
         settings = self.settings

@@ -84,6 +84,10 @@ def test_stretches_are_the_whole(in_one_go: tuple[ReplayRequest, FirstPass, obje
     summary = replay_in_stretches(
         dataclasses.replace(asked, output=tmp_path / "out"), 3, BLOCK_S, lambda step, share: steps.append((step, share))
     )
+    assert summary.notes == (
+        "in stretches the map is not extended by what cameras see",
+        "in stretches inertial sensors are not used",
+    )
     one, many = read_solved(asked.output), read_solved(tmp_path / "out")
     metres, radians = differences(one, many)
     assert metres < 1e-5 and radians < np.radians(0.003)
