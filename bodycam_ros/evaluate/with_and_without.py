@@ -15,6 +15,7 @@ from bodycam_ros.results.picture_style import CAUTION, INK, QUIET, light_grid, o
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 _MAX_PANELS = 3
+_TICKS = 6  # of the longest axis in space
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +164,10 @@ def _draw_paths(axes: Axes3D, point: ConstrainedPoint) -> None:
     for positions, colour, width in ((point.without, CAUTION, 1.0), (point.with_it, INK, 1.4)):
         axes.plot(*(1e3 * (positions - middle)).T, color=colour, linewidth=width)
     axes.set_aspect("equal")
-    if np.ptp(point.equipment[:, 1]) < np.ptp(point.equipment[:, 0]):
-        axes.locator_params(axis="y", nbins=2)  # a circle is as flat as a bicycle, across its own way
-    else:
-        axes.locator_params(axis="x", nbins=2)
+    extents = np.ptp(point.equipment, axis=0)
+    for axis, extent in zip("xyz", extents.tolist(), strict=True):
+        # A short axis has no room for numbers.
+        axes.locator_params(axis=axis, nbins=max(1, round(_TICKS * extent / max(1e-9, float(extents.max())))))
     axes.set_xlabel("x [mm]")
     axes.set_ylabel("y [mm]")
     axes.set_zlabel("z [mm]")
