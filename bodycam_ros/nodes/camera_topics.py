@@ -161,6 +161,7 @@ class CameraModels:
         self._log, self._logs = stage.log, logs
         self._errors: list[str] = []
         self._warnings: list[str] = []
+        self._found = 0
         if logs:
             stage.watch(self._log_lines)
         self._on_change = on_change
@@ -213,12 +214,15 @@ class CameraModels:
         self._on_change(camera)
 
     def _log_lines(self) -> None:
-        """Log what was found since the last time, a line for equal findings on several cameras."""
-        errors, warnings, self._errors, self._warnings = self._errors, self._warnings, [], []
-        for line in merge_lines(errors):
-            self._log.error(line)
-        for line in merge_lines(warnings):
-            self._log.warning(line)
+        """Log what was found once nothing more is, a line for equal findings on several cameras."""
+        found, before = len(self._errors) + len(self._warnings), self._found
+        self._found = found
+        if found != before:
+            return  # cameras are discovered one after the other
+        for lines, log in ((self._errors, self._log.error), (self._warnings, self._log.warning)):
+            for line in merge_lines(sorted(lines)):
+                log(line)
+        self._errors, self._warnings, self._found = [], [], 0
 
 
 def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tuple[float, ...]], object]) -> None:
