@@ -219,9 +219,11 @@ class CameraModels:
         self._found = found
         if found != before:
             return  # cameras are discovered one after the other
-        for lines, log in ((self._errors, self._log.error), (self._warnings, self._log.warning)):
-            for line in merge_lines(sorted(lines)):
-                log(line)
+        # Two loops: rclpy allows one severity for each line of code.
+        for line in merge_lines(sorted(self._errors)):
+            self._log.error(line)
+        for line in merge_lines(sorted(self._warnings)):
+            self._log.warning(line)
         self._errors, self._warnings, self._found = [], [], 0
 
 
