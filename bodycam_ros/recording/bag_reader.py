@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import cached_property
 from itertools import chain, groupby, islice
 from pathlib import Path
 
@@ -108,7 +109,11 @@ class Recording:
     @property
     def first_stamp_ns(self) -> int:
         """Stamp of the first image in the bag that has one, of whatever camera [ns]; 0 if none has."""
-        return next((image.stamp_ns for image in self._messages(self.cameras) if image.stamp_ns > 0), 0)
+        return 0 if self._first is None else self._first.stamp_ns
+
+    @cached_property
+    def _first(self) -> CameraImage | None:
+        return next((image for image in self._messages(self.cameras) if image.stamp_ns > 0), None)
 
     @property
     def duration_s(self) -> float:
@@ -217,23 +222,21 @@ class Recording:
     @property
     def recorded_ahead_ns(self) -> int:
         """Delay from the stamp of the first image that has one to its time of recording [ns]."""
-        return next((i.recorded_ns - i.stamp_ns for i in self._messages(self.cameras) if i.stamp_ns > 0), 0)
+        return 0 if self._first is None else self._first.recorded_ns - self._first.stamp_ns
 
     def _key_ns(self, cameras: Collection[str], recorded_ns: int) -> int:
-        """A time of recording from which on all images recorded after ``recorded_ns`` can be decoded [ns]."""
+        """A time of recording from which on all images recorded from ``recorded_ns`` on can be decoded [ns]."""
         before_ns = 0
         while True:
             start_ns = recorded_ns - before_ns
-            first = {image.camera: image for image in self._messages(cameras, start_ns, start_ns + _LATE_NS)}
-            if all(map(_stands_alone, first.values())) or start_ns <= self.start_ns or before_ns > _LONGEST_GOP_NS:
+            there, decodable = set[str](), set[str]()
+            for image in self._messages(cameras, start_ns, recorded_ns + _LATE_NS):
+                if _stands_alone(image) and (image.recorded_ns <= recorded_ns or image.camera not in there):
+                    decodable.add(image.camera)
+                there.add(image.camera)
+            if decodable == there or start_ns <= self.start_ns or before_ns > _LONGEST_GOP_NS:
                 return max(start_ns, self.start_ns)
-            keys = self._keys_between(cameras, start_ns, recorded_ns)
-            if keys >= first.keys():
-                return start_ns
             before_ns = max(_GOP_NS, 2 * before_ns)
-
-    def _keys_between(self, cameras: Collection[str], start_ns: int, stop_ns: int) -> set[str]:
-        return {image.camera for image in self._messages(cameras, start_ns, stop_ns) if _stands_alone(image)}
 
     def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
         """Camera -> one image of it, of a video decoded from the keyframe before it on; those that are there.

@@ -97,3 +97,21 @@ def test_another_program_reads_the_schema(bag: Path) -> None:
     assert fields == ["builtin_interfaces/Time timestamp", "string frame_id", "uint8[] data", "string format"]
     assert "MSG: builtin_interfaces/Time" in text
     assert np.all([schema.encoding == "ros2msg" for schema in schemas.values()])
+
+
+def test_a_part_is_decoded_from_the_keyframes_before_it_even_if_recorded_early(bag: Path, tmp_path: Path) -> None:
+    """Five frames a second, with a keyframe in ten, recorded 0.8 s before the delay that is given."""
+    step_ns, early_ns, begin_ns = 200_000_000, 800_000_000, 10 * 10**9
+    make = recorded_messages()
+    with BagFile(bag) as file, write_recording(tmp_path / "slow") as writer:
+        (info, *_) = [message for _, _, message in file.messages(["/left/camera_info"])]
+        writer.write("/left/camera_info", 10**9, info)
+        for number, (_, _, message) in enumerate(file.messages([VIDEO])):
+            stamp_ns = begin_ns + number * step_ns
+            message.timestamp = time_message(make, stamp_ns)
+            writer.write(VIDEO, stamp_ns - early_ns, message)
+    with open_recording(tmp_path / "slow") as recording:
+        for number in range(40):
+            window_ns = begin_ns + number * step_ns, 10**18
+            images = recording.images(["left"], window_ns, 0)
+            assert [number_in(decode_grey(image)) for image in images] == list(range(number, 40))
