@@ -155,7 +155,7 @@ def _command_lines() -> Iterator[str]:
 def test_stretches_are_steps_and_give_one_result(sample: Path, tmp_path: Path) -> None:
     path = lay_out(sample, tmp_path / "study")
     path.write_text(path.read_text().replace("path: takes/*", "path: takes/walk, stretches: 1"))
-    assert main(["study", str(path), "-o", str(tmp_path / "results")]) in (0, 3)
+    assert main(["study", str(path), "-o", str(tmp_path / "results")]) == 0
     out = tmp_path / "results/takes/walk/out"
     figures = json.loads((tmp_path / "results/takes/walk/report/summary.json").read_text())
     assert figures["states"] > 5 and figures["verdict"]["level"] == "good"

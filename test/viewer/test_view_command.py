@@ -7,10 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers.owned_processes import ended_with_us
 
 from bodycam_ros.cli.main import main
+from bodycam_ros.viewer.motion import mounted_camera
+from bodycam_ros.viewer.sources import Sources
 
 REPOSITORY = Path(__file__).parent.parent.parent
 
@@ -85,6 +88,17 @@ def test_a_port_in_use_is_one_line(sample: Path, body_file: Path) -> None:
     assert (result.returncode, result.stdout) == (1, "")
     assert result.stderr.startswith(f"bodycam: error: port {port} of this machine is in use")
     assert len(result.stderr.splitlines()) == 1
+
+
+def test_the_body_of_out_is_that_of_its_file(sample: Path, sample_out: Path) -> None:
+    of_file = Sources(sample_out, None, sample / "body.yaml", None).body
+    of_out = Sources(sample_out, None, None, None).body
+    assert of_out.segments == of_file.segments and set(of_out.mounts) == set(of_file.mounts)
+    standing = [body.n_pose(np.eye(4)) for body in (of_file, of_out)]
+    np.testing.assert_allclose(standing[1], standing[0], atol=1e-6)
+    for camera in of_file.mounts:
+        poses = [mounted_camera(body, own, camera) for body, own in zip((of_file, of_out), standing, strict=True)]
+        np.testing.assert_allclose(poses[1], poses[0], atol=1e-6)
 
 
 @pytest.mark.parametrize(
