@@ -6,11 +6,9 @@ are drawn.
 
 from pathlib import Path
 
-import cv2
 import numpy as np
 from matplotlib.axes import Axes
 
-from bodycam_ros.errors import MapError
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.picture_style import INK, LEFT, QUIET, RIGHT, TRUTH, open_picture, panel_title
@@ -19,6 +17,7 @@ from bodycam_ros.results.solved_recording import SolvedRecording
 _WIDTH, _HEIGHT = 16.0, 6.6  # [in]
 _AROUND_M = 2.0  # of the way, on the map
 _LENGTHS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0)
+_COMPARED = 2000  # places of the way that photographs are chosen by: an hour has 100,000
 _BAR_SHARE = 0.3  # of the map's width that its scale bar takes at most
 
 
@@ -61,6 +60,7 @@ def best_photograph(reference_map: ReferenceMap, way: Array) -> int | None:
     """
     if reference_map.photographs is None:
         return None
+    way = way[:: -(-len(way) // _COMPARED)]
     lengths = []
     for row in range(len(reference_map.world_T_camera)):
         pixels = pixels_in_photograph(reference_map, row, way)
@@ -74,7 +74,7 @@ def best_photograph(reference_map: ReferenceMap, way: Array) -> int | None:
 def pixels_in_photograph(reference_map: ReferenceMap, row: int, way: Array) -> Array:
     """(T, 2) pixels of a way in a photograph; NaN outside."""
     assert reference_map.photographs is not None
-    camera = reference_map.photographs.cameras[reference_map.photographs.camera_of_view[row]]
+    camera = reference_map.photographs.camera(row)
     points_camera = transform_points(inverse(reference_map.world_T_camera[row]), way)
     pixels = camera.project(points_camera)[0]
     inside = np.all((pixels >= 0.0) & (pixels < [camera.width, camera.height]), axis=1) & (points_camera[:, 2] > 0.0)
@@ -85,10 +85,7 @@ def pixels_in_photograph(reference_map: ReferenceMap, row: int, way: Array) -> A
 def _draw_on_photograph(axes: Axes, reference_map: ReferenceMap, row: int, way: Array) -> None:
     assert reference_map.photographs is not None
     name = reference_map.image_names[row]
-    picture = cv2.imdecode(np.frombuffer(reference_map.photographs.jpegs[row], np.uint8), cv2.IMREAD_GRAYSCALE)
-    if picture is None:
-        raise MapError(f"photograph {name} of the map cannot be decoded; build the map again with 'bodycam map'")
-    axes.imshow(picture, cmap="gray", vmin=0, vmax=255)
+    axes.imshow(reference_map.photographs.picture(row, name), cmap="gray", vmin=0, vmax=255)
     _draw_line(axes, pixels_in_photograph(reference_map, row, way))
     axes.axis("off")
     panel_title(axes, "The way in the place", f"on the ground, over photograph {name}, and over what stands before it")

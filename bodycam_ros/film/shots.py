@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from bodycam_ros.camera import CameraModel
+from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import MapError, ViewError
 from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.film.frames import RecordedFrames
@@ -133,14 +134,11 @@ class PhotographShots:
         photographs = reference_map.photographs
         self._pose = reference_map.world_T_camera[rows[0]]
         if folder is None:
-            picture = cv2.imdecode(np.frombuffer(photographs.jpegs[rows[0]], np.uint8), cv2.IMREAD_COLOR)
-            place = map_path
+            picture, place = cv2.cvtColor(photographs.picture(rows[0], names[rows[0]]), cv2.COLOR_GRAY2BGR), map_path
         else:
             place = folder / names[rows[0]]
-            picture = cv2.imread(str(place), cv2.IMREAD_COLOR)
-        if picture is None:
-            raise MapError(f"{place}: photograph {names[rows[0]]} cannot be read")
-        lens = photographs.cameras[photographs.camera_of_view[rows[0]]]
+            picture = read_image_file(place, cv2.IMREAD_COLOR, MapError)
+        lens = photographs.camera(rows[0])
         if abs(picture.shape[1] * lens.height - picture.shape[0] * lens.width) > 2 * max(picture.shape):
             raise MapError(
                 f"{place}: has {picture.shape[1]} x {picture.shape[0]} pixels, another shape than in the map"

@@ -227,13 +227,28 @@ class MapPhotographs:
         """
         missing = views[~self._developed[views]]
         for view in np.unique(missing[missing >= 0]) if len(missing) else ():
-            camera = self.camera_of_view[view]
-            height, width = self.levels[camera, 0, 1:]
-            try:
-                picture = cv2.imdecode(np.frombuffer(self.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
-            except cv2.error:  # nothing at all, or a header that claims an absurd size
-                picture = None
-            if picture is None or picture.shape != (height, width):
-                raise MapError(f"photograph {view} of the map is damaged; build the map again with 'bodycam map'")
-            write_pyramid(picture, self.levels[camera], self.pyramids[view])
+            write_pyramid(self.picture(view), self.levels[self.camera_of_view[view]], self.pyramids[view])
             self._developed[view] = True
+
+    def camera(self, view: int) -> CameraModel:
+        """The camera that would have taken a photograph at its size."""
+        return self.cameras[int(self.camera_of_view[view])]
+
+    def picture(self, view: int, name: str = "") -> NDArray[np.uint8]:
+        """A photograph (H, W), grey.
+
+        Args:
+            view: its row.
+            name: of its file, for the message, where that is known.
+
+        Raises:
+            MapError: it is no picture, or of another size.
+        """
+        camera = self.camera(view)
+        try:
+            picture = cv2.imdecode(np.frombuffer(self.jpegs[view], np.uint8), cv2.IMREAD_GRAYSCALE)
+        except cv2.error:  # nothing at all, or a header that claims an absurd size
+            picture = None
+        if picture is None or picture.shape != (camera.height, camera.width):
+            raise MapError(f"photograph {name or view} of the map is damaged; build the map again with 'bodycam map'")
+        return np.asarray(picture, np.uint8)

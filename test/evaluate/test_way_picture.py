@@ -59,10 +59,13 @@ def test_a_way_that_no_photograph_shows_is_drawn_from_above_alone(
     assert cv2.imread(str(tmp_path / "way.png")) is not None
 
 
-def test_a_damaged_photograph_is_named(reference_map: ReferenceMap, recording: SolvedRecording, tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", [b"no picture", b""])
+def test_a_damaged_photograph_is_named(
+    reference_map: ReferenceMap, recording: SolvedRecording, tmp_path: Path, content: bytes
+) -> None:
     photographs = reference_map.photographs
     assert photographs is not None
-    damaged = replace(photographs, jpegs=tuple(b"no picture" for _ in photographs.jpegs))
+    damaged = replace(photographs, jpegs=tuple(content for _ in photographs.jpegs))
     with naming(MapError, "ref_0044.jpg"):
         draw_way(recording, replace(reference_map, photographs=damaged), tmp_path / "way.png")
     assert not (tmp_path / "way.png").exists()
