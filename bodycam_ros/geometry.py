@@ -119,6 +119,12 @@ def rotation_to_z(direction: Array) -> Array:
     return np.array([x, np.cross(direction, x), direction])
 
 
+def rotation_between(start: Array, end: Array, share: float | Array) -> Array:
+    """Rotations (..., 3, 3) a share of the way from some to others, about one axis; shares (..., 1) or one."""
+    between: Array = start @ exp_so3(share * log_so3(np.swapaxes(start, -1, -2) @ end))
+    return between
+
+
 def quaternion_xyzw(R: Array) -> Array:
     """Unit quaternion (..., 4), x y z w with w >= 0, of a rotation (..., 3, 3)."""
     q: Array = geometry_kernels.quaternion_rows(as_rows(R.reshape(-1, 3, 3)))

@@ -21,7 +21,7 @@ from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin_mesh import joined_mesh, skin_mesh
 from bodycam_ros.body.surface import Faces, Surface
 from bodycam_ros.errors import BodyError
-from bodycam_ros.geometry import Array, exp_so3, inverse, log_so3, rigid, transform_points
+from bodycam_ros.geometry import Array, inverse, rigid, rotation_between, transform_points
 
 MOST_BONES = 4
 """Bones of a vertex, as many as a glTF skin has in one attribute."""
@@ -62,8 +62,7 @@ class SkinnedSurface:
         """
         turned = segment_poses[..., :3, :3] @ np.swapaxes(self.neutral[:, :3, :3], -1, -2)
         above, below = turned[..., self.halves[:, 0], :, :], turned[..., self.halves[:, 1], :, :]
-        half = above @ exp_so3(0.5 * log_so3(np.swapaxes(above, -1, -2) @ below))
-        halves = rigid(half, segment_poses[..., :3, 3][..., self.halves[:, 1], :])
+        halves = rigid(rotation_between(above, below, 0.5), segment_poses[..., :3, 3][..., self.halves[:, 1], :])
         poses: Array = np.concatenate([segment_poses, halves], axis=-3)
         return poses
 

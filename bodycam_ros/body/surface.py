@@ -49,6 +49,20 @@ def join_meshes(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
     return np.concatenate([vertices for vertices, _ in meshes]), faces.astype(np.int32)
 
 
+def vertex_normals(vertices: NDArray[np.floating], faces: Faces) -> NDArray[np.floating]:
+    """(V, 3) unit normals of a mesh (V, 3), (F, 3): the mean of the faces around each vertex, weighted by their areas.
+
+    They have the precision of the vertices.
+    """
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    across = np.cross(b - a, c - a)
+    sums = np.zeros_like(vertices)
+    for axis in range(3):
+        sums[:, axis] = sum(np.bincount(faces[:, corner], across[:, axis], len(vertices)) for corner in range(3))
+    normals: NDArray[np.floating] = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
+    return normals.astype(vertices.dtype)
+
+
 @dataclass(frozen=True, eq=False)
 class BodySurface:
     """Vertices, faces and edges of a body, each with the row of its segment.

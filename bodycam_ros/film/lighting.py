@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from bodycam_ros.body.surface import vertex_normals
 from bodycam_ros.film.character import PALETTE, PosedMesh
-from bodycam_ros.film.ray_scene import Floats, RayScene, free_share, vertex_normals
+from bodycam_ros.film.ray_scene import Floats, RayScene, free_share
 
 _SUN_FROM = np.array([0.35, 0.55, 1.0])
 _SUN_RADIUS = np.radians(3.0)  # larger than the real one: soft shadows
@@ -59,7 +60,7 @@ SUN = _SUN_FROM / np.linalg.norm(_SUN_FROM)
 
 def lit_mesh(mesh: PosedMesh, scene: RayScene) -> LitMesh:
     """Light on each vertex of a mesh, by rays in its own scene."""
-    normals = vertex_normals(mesh.vertices, mesh.triangles)
+    normals = np.asarray(vertex_normals(mesh.vertices, mesh.triangles), np.float32)
     origins = mesh.vertices + np.float32(_OFF_M) * normals
     sun = free_share(scene, origins, sun_directions())
     received, most = np.zeros(len(normals), np.float32), np.zeros(len(normals), np.float32)

@@ -77,18 +77,6 @@ def free_share(scene: RayScene, points: NDArray[np.floating], directions: NDArra
     return free / np.float32(len(directions))
 
 
-def vertex_normals(vertices: Floats, triangles: Faces) -> Floats:
-    """(V, 3) unit normals of a closed mesh (V, 3), (T, 3): those of triangles around, by their areas."""
-    a, b, c = (vertices[triangles[:, corner]] for corner in range(3))
-    across = np.cross(b - a, c - a)
-    sums = np.zeros_like(vertices)
-    for axis in range(3):
-        sums[:, axis] = sum(np.bincount(triangles[:, k], across[:, axis], len(vertices)) for k in range(3))
-    lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    normals: Floats = sums / np.maximum(lengths, np.float32(1e-12))
-    return normals
-
-
 def _rows(values: NDArray[np.floating]) -> Floats:
     return np.ascontiguousarray(values, np.float32)
 

@@ -16,7 +16,7 @@ from bodycam_ros.formats.character import Character, read_character, rotation_of
 from bodycam_ros.formats.figure import WORLD_R_REST
 from bodycam_ros.formats.gltf_container import GltfBuffer, continuous_quaternions, glb_content
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion
-from bodycam_ros.geometry import Array, exp_so3, log_so3, quaternion_xyzw
+from bodycam_ros.geometry import Array, exp_so3, quaternion_xyzw, rotation_between
 
 _SCENE_R_OURS = UP_AXES["y"]  # glTF's axes
 _STRETCHED = 0.9995  # share of a leg's length beyond which the hips come down to the ankle
@@ -68,10 +68,10 @@ def retargeted(motion: SampledMotion, character: Character) -> tuple[dict[int, A
             by_bone[character.bones[f"upper_arm{side}"]] = turns.get("torso", below) @ hanging
     for number, bone in enumerate(character.spine, start=1):
         if "torso" in turns:
-            by_bone[bone] = _between(below, turns["torso"], number / len(character.spine))
+            by_bone[bone] = rotation_between(below, turns["torso"], number / len(character.spine))
     for number, bone in enumerate(character.neck, start=1):
         if "head" in turns:
-            by_bone[bone] = _between(turns["torso"], turns["head"], number / (len(character.neck) + 1))
+            by_bone[bone] = rotation_between(turns["torso"], turns["head"], number / (len(character.neck) + 1))
     return (
         {bone: turn @ rotation_of(character.rest[bone]) for bone, turn in by_bone.items()},
         middle + below @ pelvis,
@@ -190,12 +190,6 @@ def _swing(start: Array, end: Array) -> Array:
     angle = np.arctan2(sine, np.sum(a * b, axis=-1, keepdims=True))
     swing: Array = exp_so3(axis * (angle / np.maximum(sine, 1e-12)))
     return swing
-
-
-def _between(first: Array, last: Array, share: float) -> Array:
-    """Rotations (T, 3, 3) a share of the way from some to others."""
-    between: Array = first @ exp_so3(share * log_so3(np.swapaxes(first, -1, -2) @ last))
-    return between
 
 
 def _written(motion: SampledMotion, character: Character, turned: dict[int, Array], root: Array) -> bytes:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.limb_mesh import limbs_by_segment
 from bodycam_ros.body.skin import skinned_body
-from bodycam_ros.body.surface import Faces
+from bodycam_ros.body.surface import Faces, vertex_normals
 from bodycam_ros.body.surface_folder import read_surfaces
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.figure import WORLD_R_REST, Figure, rest_pose
@@ -81,13 +81,3 @@ class SkinnedFigure:
             joints=row_of_bone[skin.joints],
             weights=skin.weights,
         )
-
-
-def vertex_normals(vertices: Array, triangles: Faces) -> Array:
-    """(V, 3) unit normals, the mean of the triangles around each vertex, weighted by their areas."""
-    corners = vertices[triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sums = np.zeros_like(vertices)
-    np.add.at(sums, triangles.ravel(), np.repeat(areas, 3, axis=0))
-    normals: Array = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-12)
-    return normals

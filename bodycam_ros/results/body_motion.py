@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.geometry import Array, exp_so3, log_so3, rigid
+from bodycam_ros.geometry import Array, rigid, rotation_between
 
 
 def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.int64]) -> Array:
@@ -15,8 +15,7 @@ def interpolated(stamps_ns: NDArray[np.int64], poses: Array, at_ns: NDArray[np.i
     share = ((at_ns - stamps_ns[before]) / (stamps_ns[before + 1] - stamps_ns[before]))[:, None]
     start, end = poses[before], poses[before + 1]
     position = (1.0 - share) * start[:, :3, 3] + share * end[:, :3, 3]
-    start_R_end = np.swapaxes(start[:, :3, :3], 1, 2) @ end[:, :3, :3]
-    return rigid(start[:, :3, :3] @ exp_so3(share * log_so3(start_R_end)), position)
+    return rigid(rotation_between(start[:, :3, :3], end[:, :3, :3], share), position)
 
 
 def pose_near(stamps_ns: NDArray[np.int64], poses: Array, at_ns: int) -> Array:
