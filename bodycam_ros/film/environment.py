@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -108,10 +109,16 @@ def _band(value: Floats, low: float, high: float, wide: Floats) -> Floats:
     return share
 
 
+@cache
+def _grain_patterns() -> tuple[Floats, Floats]:
+    """Noise, and the same coarser; the same in every picture."""
+    noise = np.random.default_rng(7).normal(size=(_GRAIN_CELLS, _GRAIN_CELLS)).astype(np.float32)
+    return noise, np.asarray(cv2.GaussianBlur(noise, (0, 0), 8.0, borderType=cv2.BORDER_REFLECT) * 16.0, np.float32)
+
+
 def _grain(along: Floats, across: Floats, wide: Floats) -> Floats:
     """A pattern (H, W) that shows motion, fading where its cells are smaller than pixels."""
-    noise = np.random.default_rng(7).normal(size=(_GRAIN_CELLS, _GRAIN_CELLS)).astype(np.float32)
-    coarse = cv2.GaussianBlur(noise, (0, 0), 8.0, borderType=cv2.BORDER_REFLECT) * 16.0
+    noise, coarse = _grain_patterns()
     grain = np.zeros_like(along)
     for pattern, cell, strength in ((noise, _GRAIN_M, 0.5), (coarse, 2.0 * _GRAIN_M, 0.6)):
         columns, rows = ((np.mod(each / cell, _GRAIN_CELLS)).astype(np.float32) for each in (along, across))

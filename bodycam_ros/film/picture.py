@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from bodycam_ros.film.character import GAMMA, PosedMesh
 from bodycam_ros.film.lighting import GroundShadow, LitMesh, ground_shadow, lit_mesh
 from bodycam_ros.film.place import Place
 from bodycam_ros.film.ray_scene import Floats, RayScene
+from bodycam_ros.film.scenery import Scenery
 from bodycam_ros.film.views import UP, Window
 from bodycam_ros.geometry import Array, inverse, transform_points
 
@@ -33,6 +35,23 @@ _POINT_M, _SMALLEST_PX, _LARGEST_PX = 0.008, 1.1, 4.5  # radius of a point
 _PALE, _PALE_FAR = 0.38, 0.72  # how much of the horizon's colour a point has, near and far: the person stands out
 _NEAR, _NEAR_GROUND = 0.75, 0.2  # of the person's distance: nearer points would hide the person, and are left out
 _SHIFT = 4  # fraction bits of OpenCV's coordinates
+
+
+class OnGround(NamedTuple):
+    """Where rays meet the ground.
+
+    Attributes:
+        x, y: (H, W) [m].
+        is_ground: (H, W) whether they do.
+        along: (H, W) how far from the camera [m].
+        directions: (H, W, 3) of the rays.
+    """
+
+    x: Floats
+    y: Floats
+    is_ground: NDArray[np.bool_]
+    along: Floats
+    directions: Floats
 
 
 Shade = Callable[[Floats], tuple[Floats, Floats, Floats]]
@@ -92,39 +111,44 @@ class PictureMaker:
         """
         scene = RayScene(mesh.vertices, mesh.triangles)
         lit = lit_mesh(mesh, scene)
-        ground = self.place.ground_m
-        shadow = None if ground is None or not shaded else ground_shadow(mesh, scene, ground)
+        ground, scenery = self.place.ground_m, self.place.scenery
         surface = self.place.surface if hidden else None
-        if self.place.scenery is not None:
-            surface = self.place.scenery.rays
-        picture = self._background(world_T_camera, mesh, scene, shadow, surface) if image is None else image.copy()
-        if image is not None and shadow is not None:
-            self._darken(picture, world_T_camera, shadow, surface)
+        if scenery is not None:
+            picture, surface = self._in_scenery(world_T_camera, scenery, scene), scenery.rays
+        else:
+            shadow = None if ground is None or not shaded else ground_shadow(mesh, scene, ground)
+            picture = self._background(world_T_camera, mesh, shadow, surface) if image is None else image.copy()
+            if image is not None and shadow is not None:
+                on_ground = self._on_ground(world_T_camera, self._directions(world_T_camera))
+                self._darken(picture, world_T_camera, on_ground, shadow, surface)
         self._draw_person(picture, lit, scene, world_T_camera, surface)
         return picture
 
-    def _background(
-        self,
-        world_T_camera: Array,
-        mesh: PosedMesh,
-        scene: RayScene,
-        shadow: GroundShadow | None,
-        surface: RayScene | None,
-    ) -> Image:
-        directions = self._directions(world_T_camera)
-        route, scenery = self.place.route, self.place.scenery
+    def _sky(self, directions: Floats) -> Floats:
+        """(H, W, 3), brightest at the horizon, where the ground fades into it."""
+        route = self.place.route
         rise = (directions @ (UP if route is None else route.up).astype(np.float32))[..., None]
-        # Brightest at the horizon, where the ground fades into it.
         share = np.clip(rise / 0.5, 0.0, 1.0)
-        picture: Floats = (1.0 - share) * _HORIZON + share * (_SKY if route is None else _OPEN_SKY)
+        sky: Floats = (1.0 - share) * _HORIZON + share * (_SKY if route is None else _OPEN_SKY)
+        return sky
+
+    def _in_scenery(self, world_T_camera: Array, scenery: Scenery, scene: RayScene) -> Image:
+        """Sky and meshes of another program, which the person throws a shadow on."""
+        pixels = np.clip(self._sky(self._directions(world_T_camera)), 0.0, 255.0).astype(np.uint8)
+        whole = 0, self.lens.height, 0, self.lens.width
+        self._trace(pixels, whole, world_T_camera, lambda rays: scenery.shade(world_T_camera[:3, 3], rays, scene))
+        return pixels
+
+    def _background(
+        self, world_T_camera: Array, mesh: PosedMesh, shadow: GroundShadow | None, surface: RayScene | None
+    ) -> Image:
+        """Sky, ground and points of the map."""
+        directions, route = self._directions(world_T_camera), self.place.route
+        picture = self._sky(directions)
         near = mesh.vertices.mean(axis=0)
-        if scenery is not None:
-            pixels = np.clip(picture, 0.0, 255.0).astype(np.uint8)
-            whole = 0, self.lens.height, 0, self.lens.width
-            self._trace(pixels, whole, world_T_camera, lambda rays: scenery.shade(world_T_camera[:3, 3], rays, scene))
-            return pixels
         if self.place.ground_m is not None and shadow is not None:
-            x, y, is_ground, _ = self._on_ground(world_T_camera, directions)
+            on_ground = self._on_ground(world_T_camera, directions)
+            x, y, is_ground, _, _ = on_ground
             away = np.hypot(x - near[0], y - near[1])
             fade = np.clip((away - _FADE_M[0]) / (_FADE_M[1] - _FADE_M[0]), 0.0, 1.0)
             fade = fade * fade * (3.0 - 2.0 * fade)
@@ -138,7 +162,7 @@ class PictureMaker:
             pixels = np.clip(picture, 0.0, 255.0).astype(np.uint8)
             level = np.abs(self.place.points_world[:, 2] - self.place.ground_m) < 0.05
             self._draw_points(pixels, world_T_camera, near, level, _NEAR_GROUND)
-            self._darken(pixels, world_T_camera, shadow, surface)
+            self._darken(pixels, world_T_camera, on_ground, shadow, surface)
             self._draw_points(pixels, world_T_camera, near, ~level, _NEAR)
             return pixels
         pixels = np.clip(picture, 0.0, 255.0).astype(np.uint8)
@@ -164,10 +188,16 @@ class PictureMaker:
         for centre, radius, colour in zip(fixed, sizes, shades, strict=True):
             cv2.circle(picture, centre, radius, colour, -1, cv2.LINE_AA, _SHIFT)
 
-    def _darken(self, picture: Image, world_T_camera: Array, shadow: GroundShadow, surface: RayScene | None) -> None:
-        """Put the shadow on the ground where it is seen."""
-        directions = self._directions(world_T_camera)
-        x, y, is_ground, along = self._on_ground(world_T_camera, directions)
+    def _darken(
+        self,
+        picture: Image,
+        world_T_camera: Array,
+        on_ground: OnGround,
+        shadow: GroundShadow,
+        surface: RayScene | None,
+    ) -> None:
+        """Put the shadow on the ground where it is seen; ``on_ground``: of ``_on_ground``."""
+        x, y, is_ground, along, directions = on_ground
         light = shadow.at(x, y)
         rows, columns = np.nonzero(is_ground & (light < 0.995) & self._bearings[1])
         if surface is not None and len(rows):
@@ -176,8 +206,8 @@ class PictureMaker:
             rows, columns = rows[seen], columns[seen]
         picture[rows, columns] = np.clip(picture[rows, columns] * light[rows, columns, None], 0.0, 255.0)
 
-    def _on_ground(self, world_T_camera: Array, directions: Floats) -> tuple[Floats, Floats, NDArray[np.bool_], Floats]:
-        """Where rays (H, W, 3) meet the ground, x and y (H, W) [m], which do, and how far from the camera [m]."""
+    def _on_ground(self, world_T_camera: Array, directions: Floats) -> OnGround:
+        """Where rays (H, W, 3) meet the ground."""
         assert self.place.ground_m is not None
         below = np.float32(self.place.ground_m - world_T_camera[2, 3])
         drop = directions[..., 2]
@@ -185,7 +215,7 @@ class PictureMaker:
         along = np.where(is_ground, below / np.where(is_ground, drop, np.float32(1.0)), np.float32(1e4))
         x = world_T_camera[0, 3].astype(np.float32) + along * directions[..., 0]
         y = world_T_camera[1, 3].astype(np.float32) + along * directions[..., 1]
-        return x, y, is_ground, along
+        return OnGround(x, y, is_ground, along, directions)
 
     def _draw_person(
         self, picture: Image, lit: LitMesh, scene: RayScene, world_T_camera: Array, surface: RayScene | None
