@@ -61,10 +61,11 @@ def print_replay(summary: ReplaySummary, recording: Path, output: Path, names: T
     for line in merge_lines((*summary.notes, *clocks, *rejected)):
         terminal.print(line)
     share = summary.solved / summary.frames if summary.frames else 0.0
+    took = f" in {summary.elapsed_s:.1f} s ({summary.real_time_factor:.2f} of real time)" if summary.elapsed_s else ""
     terminal.print(
         f"{summary.solved} of {summary.frames} frames solved ({share:.1%}), {summary.predicted} of them without "
-        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s solved "
-        f"in {summary.elapsed_s:.1f} s ({summary.real_time_factor:.2f} of real time); written to {output}"
+        f"any camera ({summary.interpolated} without any image); {summary.recorded_s:.1f} s solved{took}; "
+        f"written to {output}"
     )
     return print_verdict(terminal, summary.verdict)
 

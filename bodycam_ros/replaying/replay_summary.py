@@ -19,7 +19,7 @@ class ReplaySummary:
     Attributes:
         recorded_s: duration of the recording.
         start_ns: of the first image [ns].
-        elapsed_s: time that the replay took.
+        elapsed_s: time that the replay took [s]; 0 where stretches were solved before, each for itself.
         frames: frames with at least one image, and those interpolated.
         solved: frames with a body state.
         predicted: of these, frames that no camera contributed to.

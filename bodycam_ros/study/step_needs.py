@@ -58,9 +58,9 @@ _COSTS: Mapping[str, _Cost] = {
     "ingest": _Cost(0.01, 500.0, 200.0, 0.0),
     "body": _Cost(0.01, 600.0, 150.0, 0.02),
     "replay": _Cost(0.005, 500.0, 150.0, 0.02),
-    "replay first": _Cost(0.005, 500.0, 150.0, 0.02),
-    "replay stretch": _Cost(0.005, 500.0, 0.0, 0.02),
-    "replay merge": _Cost(0.0001, 500.0, 0.0, 0.001),
+    "replay first": _Cost(0.005, 500.0, 150.0, 0.0),
+    "replay stretch": _Cost(0.005, 500.0, 0.0, 0.0),
+    "replay merge": _Cost(0.00002, 200.0, 0.0, 0.0005),
     "evaluate": _Cost(0.01, 800.0, 0.0, 0.05),
     "export": _Cost(0.002, 500.0, 0.0, 0.02),
 }

@@ -122,6 +122,7 @@ def test_three_commands_make_a_bag(sample: Path, tmp_path: Path, capfd: pytest.C
     assert "1 stretches of 0.2 s" in capfd.readouterr().out  # none is shorter than half a minute
     assert main(["replay", "stretch", *inputs, "--first", first, "--number", "1", "-o", part]) == 0
     main(["replay", "merge", *inputs, "--first", first, part, "-o", out])
+    assert "0.2 s solved; written to" in " ".join(capfd.readouterr().out.split())  # it does not know for how long
     assert read_bag_records(Path(out)).attachments[VERDICT_FILE]
     assert len(read_solved(Path(out)).stamps_ns) == 8
     assert main(["replay", "stretch", *inputs, "--first", first, "--number", "2", "-o", f"{part}2"]) == 1
