@@ -19,7 +19,7 @@ from bodycam_ros.body.limb_mesh import Limb, capsule_surfaces, hand_limb, limbs_
 from bodycam_ros.body.posture import raised
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin_mesh import joined_mesh, skin_mesh
-from bodycam_ros.body.surface import Faces, Surface
+from bodycam_ros.body.surface import Faces, Surface, vertex_neighbours
 from bodycam_ros.errors import BodyError
 from bodycam_ros.geometry import Array, inverse, rigid, rotation_between, transform_points
 
@@ -161,7 +161,7 @@ def _bone_ends(body: BodyModel, segment: str, parts: list[Limb]) -> list[Array]:
 
 def _bone_weights(vertices: Array, triangles: Faces, distances: Array, halves: NDArray[np.intp], rest: Array) -> Array:
     """Weights (V, S + H): each vertex moves with its nearest segment, and near a joint with the joint's half bone."""
-    from scipy.sparse import csr_array, diags_array  # a quarter of a second to load, with the trees of points
+    from scipy.sparse import diags_array  # a quarter of a second to load, with the trees of points
     from scipy.spatial import cKDTree
 
     owners = distances.argmin(axis=1)
@@ -184,7 +184,7 @@ def _bone_weights(vertices: Array, triangles: Faces, distances: Array, halves: N
     weights = np.zeros((len(vertices), len(rest) + len(halves)))
     weights[every, owners] = 1.0 - shares.sum(axis=1)
     weights[:, len(rest) :] = shares
-    neighbours = csr_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(vertices), len(vertices)))
+    neighbours = vertex_neighbours(len(vertices), triangles)
     mean = diags_array(0.5 / neighbours.sum(axis=1)) @ neighbours
     for _ in range(_SMOOTHINGS):
         weights = 0.5 * weights + mean @ weights

@@ -13,7 +13,7 @@ from bodycam_ros.body.limb_mesh import Ball, limb_mesh
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin import SkinnedSurface, skinned_body
 from bodycam_ros.body.stick_figure import Bone, body_bones
-from bodycam_ros.body.surface import Faces, join_meshes
+from bodycam_ros.body.surface import Faces, join_meshes, vertex_neighbours
 from bodycam_ros.film.machines import machine_parts
 from bodycam_ros.geometry import Array
 from bodycam_ros.results.picture_style import EQUIPMENT, rgb
@@ -121,12 +121,8 @@ def _segment_shares(skin: SkinnedSurface, segments: int) -> NDArray[np.float32]:
 
 def _neighbours(skin: SkinnedSurface) -> csr_array:
     """(V, V) that means each vertex with those beside it."""
-    count, faces = len(skin.vertices), skin.triangles
-    pairs = np.concatenate(
-        [faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]
-    )  # of a closed mesh: each edge both ways
-    beside = csr_array((np.ones(len(pairs), np.float32), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-    beside += eye_array(count, dtype=np.float32)
+    count = len(skin.vertices)
+    beside = vertex_neighbours(count, skin.triangles).astype(np.float32) + eye_array(count, dtype=np.float32)
     return csr_array(diags_array(1.0 / beside.sum(axis=1)) @ beside)
 
 
