@@ -34,7 +34,7 @@ from bodycam_ros.quality.sensor_checks import MIN_SAMPLES
 from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.registration.pose_fit import PoseFitSettings
-from bodycam_ros.results.provenance import Provenance
+from bodycam_ros.results.provenance import Provenance, check_same_inputs
 from bodycam_ros.results.solved_part import part_of
 from bodycam_ros.results.solved_recording import SolvedRecording, read_solved
 from bodycam_ros.results.verdict import Verdict, finding_record
@@ -131,6 +131,7 @@ def evaluate(
     centres = {} if truth is None else centre_errors(solved, truth.path)
     constraints = None
     if without_path is not None:
+        check_same_inputs(made_from, Provenance.read(without_path))
         constraints = with_and_without(solved, part_of(read_solved(without_path), span), truth, comparison)
     verdict = solved_verdict(solved, models)
     blind = camera_figures.blind(solved)

@@ -9,6 +9,7 @@ from pathlib import Path
 from bodycam_ros.body.body_identity import body_identity
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.body_yaml import yaml_text
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.recording.bag_records import PROGRAM, BagRecords, read_bag_records
 from bodycam_ros.recording.bag_writer import RecordingWriter
 from bodycam_ros.registration.map_identity import MapIdentity, map_identity
@@ -119,6 +120,29 @@ class Provenance:
             f"{self.path} was solved with body {_named(solved_with)}, but {path} is another body, {body.name} "
             f"({given}); the motion shown is that of the first. Replay the recording with the second to see its motion"
         )
+
+
+def check_same_inputs(one: Provenance, other: Provenance) -> None:
+    """Refuse two results whose motions cannot be compared; nothing is known of bags of other programs.
+
+    Raises:
+        RecordingError: they were solved in another map, or with another body.
+    """
+    for name in (MAP, BODY):
+        ours, theirs = (each.records.metadata.get(name) for each in (one, other))
+        if ours is None or theirs is None:
+            continue
+        identities = [record.get("identity", "") for record in (ours, theirs)]
+        if name == MAP:
+            first, second = map(MapIdentity.parse, identities)
+            is_same = first.shares_world(second)
+        else:
+            is_same = identities[0] == identities[1]
+        if not is_same:
+            raise RecordingError(
+                f"{other.path}: was solved with {name} {_named(theirs)}, {one.path} with {name} {_named(ours)}; replay "
+                "the recording twice with the same"
+            )
 
 
 def warn_of_differences(

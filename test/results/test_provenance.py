@@ -16,14 +16,21 @@ from bodycam_ros.body.body_file import read_body, write_body
 from bodycam_ros.body.body_identity import body_identity
 from bodycam_ros.body.body_yaml import body_from_yaml
 from bodycam_ros.camera import camera_from_info
-from bodycam_ros.errors import StaticCameraError
+from bodycam_ros.errors import RecordingError, StaticCameraError
 from bodycam_ros.evaluate.image_views import static_camera_views
 from bodycam_ros.formats.static_cameras_file import write_static_cameras
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.registration.map_identity import map_identity
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.results.provenance import Provenance, body_record, map_record, settings_record, source_remarks
+from bodycam_ros.results.provenance import (
+    Provenance,
+    body_record,
+    check_same_inputs,
+    map_record,
+    settings_record,
+    source_remarks,
+)
 from bodycam_ros.results.solved_recording import read_solved
 from bodycam_ros.static_cameras.start_file import StaticCameraFiles
 from bodycam_ros.static_cameras.static_camera import StaticCamera
@@ -128,3 +135,16 @@ def test_records_before_the_damage_are_read(sample_out: Path, tmp_path: Path) ->
     (tmp_path / "cut.mcap").write_bytes(content[: len(content) // 2])
     whole, cut = Provenance.read(sample_out).sources, Provenance.read(tmp_path / "cut.mcap").sources
     assert cut == whole and "map" in cut
+
+
+@pytest.mark.parametrize("name", ["map", "body"])
+def test_results_of_another_map_or_body_are_not_compared(sample_out: Path, name: str) -> None:
+    ours = Provenance.read(sample_out)
+    check_same_inputs(ours, ours)
+    record = ours.records.metadata[name]
+    changed = record | {"name": "another", "identity": record["identity"][::-1]}
+    other = Provenance(Path("other"), replace(ours.records, metadata=ours.records.metadata | {name: changed}))
+    with naming(RecordingError, "other", "another", name):
+        check_same_inputs(ours, other)
+    without = {key: value for key, value in ours.records.metadata.items() if key != name}
+    check_same_inputs(ours, Provenance(Path("older"), replace(ours.records, metadata=without)))
