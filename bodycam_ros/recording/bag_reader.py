@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.camera.camera_image import CameraImage, VideoPacket, check_image_size
+from bodycam_ros.camera.camera_image import CameraImage, check_image_size
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError, RecordingError
 from bodycam_ros.files.shown import few, other_than
@@ -22,19 +22,11 @@ from bodycam_ros.messages.images import INFO, INFO_TYPE, TRANSPORTS, camera_mode
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, readout_time
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.imu_reader import sensor_topics
+from bodycam_ros.recording.keyframes import LATE_NS, images_at, key_before, keyframe_samples
 from bodycam_ros.recording.topic_names import AS_RECORDED, TopicNames
-from bodycam_ros.recording.video_decoder import VideoDecoder, decode_last
+from bodycam_ros.recording.video_decoder import VideoDecoder
 
 logger = logging.getLogger(__name__)
-
-_GOP_NS, _LONGEST_GOP_NS = 500_000_000, 60_000_000_000
-"""How far back a video's keyframe is searched for first, twice as far then, and at most."""
-
-_LATE_NS = 1_000_000_000
-"""Images are recorded so much earlier or later after their stamps than the first one, at most."""
-
-_FEW_KEYFRAMES = 4
-_AFTER_KEY_NS = 1_000_000_000
 
 _END_NS = 1_000_000_000
 """How far back from the end of a bag the last images are searched for first."""
@@ -200,8 +192,8 @@ class Recording:
         wanted = self.cameras if cameras is None else cameras
         start_ns = stop_ns = None
         if recorded_ahead_ns is not None:
-            start_ns = self._key_ns(wanted, window_ns[0] + recorded_ahead_ns - _LATE_NS)
-            stop_ns = min(window_ns[1] + recorded_ahead_ns + _LATE_NS, LAST_NS)
+            start_ns = key_before(self._messages, self.start_ns, wanted, window_ns[0] + recorded_ahead_ns - LATE_NS)
+            stop_ns = min(window_ns[1] + recorded_ahead_ns + LATE_NS, LAST_NS)
         for camera in wanted:
             self.dropped[camera] = self.lost[camera] = 0
         decoders = {camera: VideoDecoder() for camera in wanted}
@@ -224,45 +216,21 @@ class Recording:
         """Delay from the stamp of the first image that has one to its time of recording [ns]."""
         return 0 if self._first is None else self._first.recorded_ns - self._first.stamp_ns
 
-    def _key_ns(self, cameras: Collection[str], recorded_ns: int) -> int:
-        """A time of recording from which on all images recorded from ``recorded_ns`` on can be decoded [ns]."""
-        before_ns = 0
-        while True:
-            start_ns = recorded_ns - before_ns
-            there, decodable = set[str](), set[str]()
-            for image in self._messages(cameras, start_ns, recorded_ns + _LATE_NS):
-                if _stands_alone(image) and (image.recorded_ns <= recorded_ns or image.camera not in there):
-                    decodable.add(image.camera)
-                there.add(image.camera)
-            if decodable == there or start_ns <= self.start_ns or before_ns > _LONGEST_GOP_NS:
-                return max(start_ns, self.start_ns)
-            before_ns = max(_GOP_NS, 2 * before_ns)
-
     def images_at(self, rows: Mapping[str, tuple[int, int]]) -> dict[str, CameraImage]:
         """Camera -> one image of it, of a video decoded from the keyframe before it on; those that are there.
 
         Args:
             rows: camera -> when the image was recorded, and its stamp [ns], as of ``image_times``.
         """
-        wanted = dict(rows)
-        found = dict[str, CameraImage]()
-        before_ns = 0
-        while wanted:
-            recorded_ns = [recorded_ns for recorded_ns, _ in wanted.values()]
-            start_ns = min(recorded_ns) - before_ns
-            read: dict[str, list[CameraImage]] = {camera: [] for camera in wanted}
-            for image in self._messages(wanted, start_ns, max(recorded_ns) + 1):
-                if image.stamp_ns <= wanted[image.camera][1]:
-                    read[image.camera].append(image)
-            is_all = start_ns <= self.start_ns or before_ns >= _LONGEST_GOP_NS
-            for camera, images in read.items():
-                keys = [number for number, image in enumerate(images) if _stands_alone(image)]
-                if images and (keys or is_all):
-                    found[camera] = decode_last(images[keys[-1] if keys else 0 :])
-                if keys or is_all or not images:
-                    del wanted[camera]
-            before_ns = max(_GOP_NS, 2 * before_ns)
-        return found
+        return images_at(self._messages, self.start_ns, rows)
+
+    def keyframe_samples(self, most: int) -> dict[str, dict[int, CameraImage]]:
+        """Camera -> number -> image decoded from keyframes, of cameras that record videos; others are left out.
+
+        Numbers are those of ``keyframes.keyframe_samples``.
+        """
+        length_ns = max(round(1e9 * self.duration_s), 1)
+        return keyframe_samples(self._messages(self.cameras), self.start_ns, length_ns, most)
 
     def camera_spans(self, cameras: Collection[str]) -> dict[str, tuple[int, int]]:
         """Camera -> stamps of its first and last image in the bag [ns]; those that have images with a stamp."""
@@ -291,33 +259,6 @@ class Recording:
                 break
             before_ns *= 4
         return {camera: (first, lasts.get(camera, first)) for camera, first in firsts.items()}
-
-    def keyframe_samples(self, most: int) -> dict[str, dict[int, CameraImage]]:
-        """Camera -> number -> image decoded from keyframes, of cameras that record videos; others are left out.
-
-        Each of ``most`` equal parts of the recording gives the first keyframe of a camera, with an even number, and
-        where keyframes are rare the image a second later, with the odd number after it.
-        """
-        parts: dict[str, dict[int, list[CameraImage]]] = {}
-        length_ns = max(round(1e9 * self.duration_s), 1)
-        for image in self._messages(self.cameras):
-            packet = image.content
-            if not isinstance(packet, VideoPacket):
-                continue
-            own = parts.setdefault(image.camera, {})
-            part = min(most - 1, (image.recorded_ns - self.start_ns) * most // length_ns)
-            if packet.is_key and part not in own:
-                own[part] = [image]
-            elif own and not packet.is_key:
-                latest = own[max(own)]
-                if image.recorded_ns - latest[0].recorded_ns <= _AFTER_KEY_NS:
-                    latest.append(image)
-        found: dict[str, dict[int, CameraImage]] = {}
-        for camera, own in parts.items():
-            found[camera] = {2 * part: decode_last(images[:1]) for part, images in own.items()}
-            if len(own) < _FEW_KEYFRAMES:
-                found[camera] |= {2 * part + 1: decode_last(images) for part, images in own.items() if len(images) > 1}
-        return found
 
     def image_times(self) -> dict[str, NDArray[np.int64]]:
         """Camera -> (N, 2) when its images were recorded, and their stamps [ns], in order of the former."""
@@ -401,7 +342,3 @@ def _in_order_of_names(images: Iterable[CameraImage]) -> Iterator[CameraImage]:
     """Images in order of their recording; of one time in order of their cameras' names."""
     for _, together in groupby(images, key=lambda image: image.recorded_ns):
         yield from sorted(together, key=lambda image: image.camera)
-
-
-def _stands_alone(image: CameraImage) -> bool:
-    return not isinstance(image.content, VideoPacket) or image.content.is_key
