@@ -28,6 +28,11 @@ def folder(sample: Path, tmp_path: Path) -> Path:
     return path
 
 
+def left_in(take: Path) -> list[Path]:
+    """What is in a take's results; Snakemake makes the folder before a step, and may remove it while it is empty."""
+    return list(take.glob("*"))
+
+
 def said(capfd: pytest.CaptureFixture[str]) -> str:
     return " ".join(capfd.readouterr().out.split())
 
@@ -77,7 +82,7 @@ def test_ctrl_c_ends_it_and_leaves_nothing_half_written(folder: Path) -> None:
         _, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "Traceback" not in err and "interrupted" in err
-    assert list(take.iterdir()) == []
+    assert left_in(take) == []
 
 
 def test_its_step_ends_soon_after_it_was_killed(folder: Path, sample: Path) -> None:
@@ -99,4 +104,4 @@ def test_its_step_ends_soon_after_it_was_killed(folder: Path, sample: Path) -> N
             time.sleep(0.1)
     else:
         pytest.fail("another run is locked out: a step of the one that was killed goes on")
-    assert list(take.iterdir()) == []
+    assert left_in(take) == []
