@@ -162,7 +162,7 @@ def _stages(chains: Sequence[NDArray[np.int64]], start_ns: int, solved_ns: int) 
 def cost_of_image(noted: Iterable[Sequence[Noted]]) -> float:
     """Processor time that the whole graph spends for an image, what it spends on messages included [s].
 
-    Of the last third of the images while they are played; NaN where too few are.
+    The last third of the images counts, while they are played; NaN where too few are.
 
     Args:
         noted: by each process, in any order.

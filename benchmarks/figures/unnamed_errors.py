@@ -107,7 +107,7 @@ def moved_start(start: Path, moved: Path, seed: int) -> Path:
 def large_errors(scored: Score, output: str) -> tuple[int, int]:
     """Segments in states that are far off, and how many of them no printed finding names with that time.
 
-    Of a turn the direction of the bone counts: capsules do not show the turn about it, and its sigma has that.
+    A turn counts by the direction of the bone: capsules do not show the turn about it, and its sigma has that.
     """
     seconds = scored.seconds - scored.seconds[0]
     wrong = {

@@ -12,7 +12,7 @@ Limbs are those of de Leva 1996, table 4, and shoulders are as high
 above the hips as the middle of the shoulders there: 515.5 mm of men, 497.9 mm of women. All that is used of that table
 was compared with another transcription of it. The spine bends and the neck begins where Dumas, Cheze and Verriest 2007,
 "Adjustments to McConville et al. and Young et al. body segment inertial parameters", put the joints between pelvis,
-torso and head, of men 1.77 m and women 1.61 m tall. Of these four lengths no second transcription was at hand; by them
+torso and head, of men 1.77 m and women 1.61 m tall. No second transcription of these four lengths was at hand; by them
 the neck's joint is 0.023 of the stature below de Leva's cervicale, which is on the skin behind it. Distances between
 the centres of the hips, and of the shoulders, which tables have from skin to skin only, are round values.
 

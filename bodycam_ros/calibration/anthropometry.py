@@ -121,7 +121,7 @@ def _wrong_scale(stature_m: float) -> str:
 def judge_bones(bones: Sequence[BoneLength]) -> list[BoneLength]:
     """Compare each bone with its other side and with the proportions of people; lengths stay as they are.
 
-    Of a pair that differs, and of which neither is out of proportion, the first carries the warning.
+    Where a pair differs, and neither is out of proportion, the first carries the warning.
     """
     stature_m = expected_stature(bones)
     odd = {bone: _proportion_warning(bone, stature_m) for bone in bones}

@@ -128,7 +128,7 @@ class SolverDiagnostics:
     def _late_s(self) -> dict[str, float]:
         """Camera -> time from the image that was registered last to the one that was taken last [s]."""
         now_s = time.monotonic()
-        # Of drivers that publish a camera_info with each image: others' have an old stamp.
+        # Drivers that publish a camera_info once, and not with each image, give it an old stamp.
         recent = {camera for camera, arrived_s in self._image_s.items() if now_s - arrived_s < _PATIENCE_S}
         both = recent & self._latest_ns.keys()
         return {camera: 1e-9 * (self._image_ns[camera] - self._latest_ns[camera]) for camera in both}

@@ -1,8 +1,8 @@
 """The chi-square gate of each camera against all others and the prediction.
 
 The residual of a left-out camera, in units of its predicted covariance, follows in closed form from the fit with all of
-them. While the largest exceeds the gate, that camera is rejected, and the rest is fitted anew. Of two cameras on a
-segment the one that fits the body is kept. ``quality/judge.py`` judges a bag, in which it is not known which were.
+them. While the largest exceeds the gate, that camera is rejected, and the rest is fitted anew. Where two cameras
+are on a segment, the one that fits the body is kept. ``quality/judge.py`` judges a bag, which does not tell which were.
 """
 
 from dataclasses import replace

@@ -337,7 +337,7 @@ def _compare_angles(
 
 
 def _match_bones(captured: CapturedMotion, places: Mapping[str, PointSite]) -> dict[str, str]:
-    """Segment -> the bone with its rotation. Of a trunk of several bones it is the lowest one above both arms."""
+    """Segment -> the bone with its rotation. A trunk of several bones has the lowest one above both arms."""
     found: dict[str, str] = {}
     for name, place in places.items():
         if name in captured.rotations and (place.link not in found or not place.is_fitted):

@@ -92,7 +92,7 @@ def _draw_n_pose(axes: Axes, body: BodyModel, diagnosis: CalibrationDiagnosis) -
     for name, place in joints.items():
         axes.plot(*place, "o", color=WARNING if name in warned else side_colour(name), markersize=4.5)
     for measured in diagnosis.bones:
-        # Of the trunk only what is across: other lengths would hide each other; they are in the table.
+        # The trunk's other lengths would hide each other; they are in the table.
         is_shown = SegmentName(measured.segment).side or mirrored(measured.start) == measured.end
         if is_shown and {measured.start, measured.end} <= set(joints):
             start, end = joints[measured.start], joints[measured.end]

@@ -1,7 +1,7 @@
 """The figures of an evaluation: what ``summary.json`` holds, by the same names; units are at the end of a name.
 
-Figures that are unknown are NaN here and null in the file. Those of what a recording does not have, such as a truth,
-are None here and missing in the file.
+Figures that are unknown are NaN here and null in the file. What a recording does not have, such as a truth, makes its
+figures None here and missing in the file.
 """
 
 import json

@@ -171,7 +171,7 @@ class Walk:
     def _clearance(self, side: str, start_s: float, release_s: float, end_s: float) -> float:
         """Least height of the ball in the swing over its height in the stances before and after [m].
 
-        Of each only the middle half counts.
+        Only the middle half of each counts.
         """
 
         def heights(first_s: float, last_s: float) -> Array:

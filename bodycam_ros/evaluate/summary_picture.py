@@ -177,7 +177,7 @@ def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
 def sight_table(solved: SolvedRecording, max_columns: int) -> tuple[Array, Array]:
     """Fewest landmarks (C, N) and the worst ``CameraSight`` (C, N), by camera and time; NaN without an image.
 
-    Of static cameras, where there are no others, fewest segments; without any it is ``CameraSight.BLIND``.
+    Where there are static cameras alone, fewest segments; without any it is ``CameraSight.BLIND``.
     """
     blind, seen = int(CameraSight.BLIND), int(CameraSight.REGISTERED)
     found = [(each.stamps_ns, each.landmarks, each.sights) for each in solved.cameras]

@@ -12,7 +12,7 @@ def merge_lines(lines: Iterable[str]) -> list[str]:
     """Lines in the order given, in which those of one kind are one line, where the first of them was.
 
     Equal remarks on several subjects, as ``camera head: has no sound``, become ``each of 3 cameras (head, shin_left,
-    foot_left): has no sound``. Of three or more that differ in their figures or in their own name alone, the first is
+    foot_left): has no sound``. Where three or more differ in their figures or in their own name alone, the first is
     kept and the others are counted and named after it, segments with their figures: when each was lost. Equal lines are
     one.
 

@@ -64,7 +64,7 @@ class BiasFilter(SensorFilter):
         self.bias = np.zeros(3)
         self.delay = 0.0
         self._delay = 0.0
-        # Of rotation, bias and delay.
+        # The covariance is that of rotation, bias and delay.
         bias_variance = calibration.gyro_bias_sigma**2 + TURN_ON**2
         self._P = np.diag(np.repeat([_IMAGE_RAD**2, bias_variance, _DELAY_TURN_ON**2], [3, 3, 1]))
         self._R: Array | None = None

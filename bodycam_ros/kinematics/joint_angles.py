@@ -96,7 +96,7 @@ class JointAngles:
         self._hinges = [row for row, joint in enumerate(tree.tree_joints) if joint.type == "hinge"]
         column_of = {name: column for column, name in enumerate(self.names)}
         columns = [[column_of[name] for name in joint.angle_names] for joint in tree.tree_joints]
-        # Of a free joint's six the last three are a ball's.
+        # The last three of a free joint's six are a ball's.
         self._ball_columns = np.array([columns[row][-3:] for row in self._balls], dtype=int).reshape(-1, 3)
         self._free = [row for row, joint in enumerate(tree.tree_joints) if joint.type == "free"]
         self._place_columns = np.array([columns[row][:3] for row in self._free], dtype=int).reshape(-1, 3)

@@ -35,7 +35,7 @@ class KinematicTree:
         name: of the body or machine.
         root: the segment that hangs on no other.
         segments: (S) names; every (S, 4, 4) array of poses is in this order.
-        joints: in any order. Of the joints to one child the first belongs to the tree, the others close loops.
+        joints: in any order. The first joint to a child belongs to the tree, others to it close loops.
 
     Raises:
         BodyError: the parts do not make one tree.

@@ -1,7 +1,7 @@
 """Trees of segments as kernels: N states, J joints, S segments, K columns of an increment (``TreeTangent``).
 
-Motions (N, 1 + J, 4, 4) are those of the root, world_T_root, and of all joints. Of each column ``carriers`` (K) names
-the one that it moves, and ``twists`` (K, 6) how.
+Motions (N, 1 + J, 4, 4) are those of the root, world_T_root, and of all joints. ``carriers`` (K) names the one that
+each column moves, and ``twists`` (K, 6) how.
 """
 
 from typing import Any

@@ -92,7 +92,7 @@ class KeyframeBundle:
             config.add_image(number)
             if view not in moves:
                 config.set_constant_rig_from_world_pose(model.image(number).frame_id)
-        # COLMAP refuses points with one view. Those of the reference structure were seen by photographs, too.
+        # COLMAP refuses points with one view. The reference structure's were seen by photographs, too.
         lonely = [row for row, track in tracks.items() if track.length() < 2]
         add_image(len(self._seen) + 1, next(iter(self._seen)), lonely, np.zeros((len(lonely), 2)))
         for row, track in tracks.items():

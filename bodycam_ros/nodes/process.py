@@ -41,7 +41,7 @@ def run(name: str, *make_nodes: Callable[[], Any]) -> int:
     cv2.setNumThreads(1)
     logging.basicConfig(level=logging.WARNING, format="[%(levelname)s] %(message)s")
     ending = [signal.SIGINT, signal.SIGTERM]
-    # Of a terminal that is closed, unless nohup ignores it.
+    # A terminal that is closed sends SIGHUP; nohup ignores it.
     ending += [] if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN else [signal.SIGHUP]
     received: list[int] = []
     for number in ending:
@@ -57,7 +57,7 @@ def run(name: str, *make_nodes: Callable[[], Any]) -> int:
             nodes[-1].bring_up()
         _work(nodes, lambda: bool(received))
     except (BodycamError, rclpy_implementation.RCLError, rclpy_implementation.RCLInvalidROSArgsError) as error:
-        # Of rclpy: without keys DDS does not admit the node, or its ROS arguments are invalid.
+        # rclpy raises these: without keys DDS does not admit the node, or its ROS arguments are invalid.
         with suppress(OSError):  # the terminal may be gone
             print(f"{name}: error: {' '.join(str(error).split())}", file=sys.stderr, flush=True)
         return USER_ERROR

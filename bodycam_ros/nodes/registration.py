@@ -155,7 +155,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
     def _set_readout(self, camera: str, given: tuple[str, Readout | None]) -> None:
         source, readout = given
         if readout is not None:
-            # Of those of several sources the best known counts.
+            # Several sources may tell it; the best known counts.
             self._readouts[camera][source] = readout
             if camera in self.fronts:
                 self.fronts[camera].set_readout(readout)

@@ -152,7 +152,7 @@ def _other_findings(found: Contradiction, cameras: Sequence[str]) -> Iterator[Fi
 def _solver_findings(poses: CameraPoses, found: Contradiction, subjects: set[str]) -> Iterator[Finding]:
     """Cameras that agree with each other and not with what was solved, though no wrong camera explains it.
 
-    Of those with a finding already only what is worse than that.
+    A camera that has a finding already gets only one that is worse.
     """
     for camera in found.core:
         gap_m = _solved_gap(poses, camera)

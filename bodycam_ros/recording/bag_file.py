@@ -246,7 +246,7 @@ class BagFile:
     ) -> Iterator[tuple[str, int, Message]]:
         """Yield topic, time of recording [ns] and message, in order of that time.
 
-        Of those between two times of recording, the second not included, if they are given. Parts of the file without
+        Messages outside ``start_ns`` to ``stop_ns``, which is not included, are skipped. Parts of the file without
         these topics are not decompressed. A message that cannot be decoded is left out, so fewer may come than
         ``message_count``.
         """

@@ -181,11 +181,11 @@ class Recording:
         """Yield the images of some cameras (all by default) in the order in which they were recorded.
 
         ``window_ns`` are the first stamp of those that are wanted, and the stamp after the last [ns].
-        Of those recorded at one time that of the first camera by name is first, so that images of some cameras are in
+        Images recorded at one time are in the order of their cameras' names, so that images of some cameras are in
         the same order as among those of all. ``recorded_ns`` never decreases.
         Within a camera stamps increase strictly: an image whose stamp does not is left out, counted in ``dropped``, and
         the first of them warned about, and so is one of before 1970. ``lost`` counts missing ones once all are read.
-        Of a video every frame is decoded, wanted or not: the next one is made of it.
+        Every frame of a video is decoded, wanted or not: the next one is made of it.
         With ``recorded_ahead_ns``, by how much images are recorded after their stamps, the bag is read near the window
         alone, from the keyframes of videos before it on; ``lost`` stays empty.
         """

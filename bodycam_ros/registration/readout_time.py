@@ -37,7 +37,7 @@ def pooled(readouts: Mapping[str, Readout], sizes: Mapping[str, tuple[int, int]]
         alike = [each for each in alike if agree(own, each)]
         if own.is_given or not alike:
             continue
-        # Of two makes that it agrees with, that of the best known.
+        # A camera that agrees with two makes is of the one whose time is known best.
         best = min(alike, key=lambda each: each.sigma)
         others = [each for each in alike if agree(best, each)]
         weights = np.array([1.0 / (each.sigma**2 + _SPREAD_S**2) for each in others])

@@ -70,7 +70,7 @@ def merged_results(
 ) -> Iterator[Result]:
     """Results of all workers in order of recording, whatever the number of processes and the pace of each.
 
-    Of images recorded at one time, that of the first camera by name is first, as each worker has them.
+    Images recorded at one time are in the order of their cameras' names, as each worker has them.
 
     Args:
         workers: as they were started.

@@ -43,7 +43,7 @@ def points_on_curve(
         if 0 < k < last:
             sigma = _OF_THIRD_DIFFERENCE * 4.0 * s * (1.0 - s) * gap_s
             for i in range(6):
-                # Of rotation and of translation, mean over the axes.
+                # Rotation and translation each have a mean over their axes.
                 third = means[k + 1, i] - 2.0 * means[k, i] + means[k - 1, i]
                 variances[count, i // 3 * 3 : i // 3 * 3 + 3] += (sigma * third) ** 2 / 3.0
         poses[count] = compose(world_T_camera[k], exp_se3(curve))

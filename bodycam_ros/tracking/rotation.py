@@ -44,7 +44,7 @@ def estimate_rotation(
     pairs = np.random.default_rng(seed).integers(0, count, (2, hypotheses))
     sums = np.einsum("phi,phj->hij", bearings_current[pairs], bearings_previous[pairs])
     rotations = nearest_rotation(sums)
-    # Of unit vectors the scalar product c . R p gives the distance; it is one product of matrices for all.
+    # The scalar product c . R p of unit vectors gives the distance; it is one product of matrices for all.
     products = np.einsum("ni,nj->ijn", bearings_current, bearings_previous).reshape(9, count)
     least_cosine = np.cos(np.radians(inlier_angle_deg))
     cosines = np.clip(rotations.reshape(hypotheses, 9) @ products, least_cosine, 1.0)

@@ -54,7 +54,7 @@ class InertialStep:
         by_before[:3, :3], by_before[:3, 9:] = hat(velocity), -_IDENTITY
         by_after[3:, :3], by_after[3:, 3:6] = -turned @ lever, turned
         by_before[3:, :3], by_before[3:, 3:6], by_before[3:, 9:] = hat(position) + lever, -_IDENTITY, -dt * _IDENTITY
-        # Of velocity and position along each axis.
+        # Covariance of velocity and position along each axis.
         of_noise = self.density * np.array([[dt, dt**2 / 2.0], [dt**2 / 2.0, dt**3 / 3.0]])
         covariance = of_noise + self.sigma**2 * np.diag([1.0, 0.25 * dt**2])
         W = np.kron(np.linalg.inv(np.linalg.cholesky(covariance)), _IDENTITY)[: 6 if self.with_position else 3]
