@@ -1,10 +1,10 @@
 """The same figures as the scorer that judges from outside, on the same bag."""
 
 import importlib.util
+import json
 from pathlib import Path
 from types import ModuleType
 
-import msgspec
 import numpy as np
 import pytest
 from helpers.known_walk import FRAMES, Walk, write_solved, write_truth
@@ -12,6 +12,7 @@ from helpers.known_walk import FRAMES, Walk, write_solved, write_truth
 from benchmarks.body_from_truth import body_from_truth
 from bodycam_ros.evaluate.comparison import read_true_motion
 from bodycam_ros.evaluate.evaluation import evaluate
+from bodycam_ros.evaluate.figures import figures_text
 from bodycam_ros.geometry import exp_so3, rigid
 
 pytestmark = pytest.mark.long
@@ -48,11 +49,8 @@ def differences(ours: object, theirs: object, tolerance: float, where: str = "")
 
 def truth_figures(out: Path, truth: Path) -> dict[str, object]:
     """Our figures against a truth, as the scorer has them: it knows neither least values nor deviations."""
-    figures = evaluate(out, truth).figures.truth
-    assert figures is not None
-    spreads = ("position_cm", "sim_position_cm", "angle_deg", "rotation_deg")
-    ours = msgspec.to_builtins(figures)
-    for name in spreads:
+    ours = json.loads(figures_text(evaluate(out, truth).figures))["truth"]
+    for name in ("position_cm", "sim_position_cm", "angle_deg", "rotation_deg"):
         del ours[name]["min"], ours[name]["sd"]
     ours["per_joint"] = {
         segment: {name: each["mean"] for name, each in errors.items()} for segment, errors in ours["per_joint"].items()
