@@ -57,8 +57,14 @@ class Rig:
                 others = other_than(parent, (each for each in self.parents if each != segment))
                 raise BodyError(f"segment {segment}: its parent {parent} is not among the segments; {others}")
         roots = [segment for segment, parent in self.parents.items() if parent is None]
-        if len(roots) != 1:
-            raise BodyError(f"one segment must be the root, with null as its parent, not {len(roots)}: {roots}")
+        if not roots:
+            raise BodyError(
+                "every segment has a parent; write null for the parent of one, the root, such as the pelvis"
+            )
+        if len(roots) > 1:
+            raise BodyError(
+                f"one segment must be the root, with null as its parent, not {len(roots)}: {', '.join(roots)}"
+            )
         for segment in self.parents:
             self._path_to_root(segment)
         if bare := [segment for segment in self.segments if not self.cameras_on(segment)]:

@@ -58,8 +58,9 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
     """Sort files, and those in folders, into cameras.
 
     A folder with videos gives a camera per file, one with images a camera, one with folders of these a camera per
-    folder. Beside videos a folder is a camera if there is a lens YAML of its name. Chapters are joined: GoPro's GH010123, GH020123 and GOPR0123, GP010123, and others' ``head_1``, ``head_2``,
-    unless these have a lens YAML each, and so are cameras of their own.
+    folder. Beside videos a folder is a camera if there is a lens YAML of its name. Chapters are joined: GoPro's
+    GH010123, GH020123 and GOPR0123, GP010123, and others' ``head_1``, ``head_2``, unless these have a lens YAML each,
+    and so are cameras of their own.
 
     Returns:
         The cameras by name, and camera that is left out -> why: several recordings of one name, or a name that a topic

@@ -86,8 +86,7 @@ class CameraVideo:
     def is_joined_by_name(self) -> bool:
         """Whether nothing but ``_1``, ``_2`` in their names says that the files are chapters of one recording."""
         return any(
-            after.facts.created is None and _GOPRO_CHAPTER.match(after.path.stem) is None
-            for after in self.chapters[1:]
+            after.facts.created is None and _GOPRO_CHAPTER.match(after.path.stem) is None for after in self.chapters[1:]
         )
 
     def parts(self) -> list["CameraVideo"]:
