@@ -91,6 +91,15 @@ class Rig:
         """A line for each camera of the rig that is not among those of a recording; nothing else describes it so."""
         return [f"camera {camera}: {NOT_RECORDED}" for camera in self.cameras if camera not in present]
 
+    def strange_cameras(self, present: Collection[str]) -> list[str]:
+        """A line for each camera of a recording that may be a missing one of the rig by another name."""
+        missing = [camera for camera in self.cameras if camera not in present]
+        strange = sorted(camera for camera in present if camera not in self.cameras) if missing else []
+        return [
+            f"camera {camera}: is not in the rig, where it may have another name: name its files as the rig does"
+            for camera in strange
+        ]
+
     @property
     def root(self) -> str:
         """The segment that hangs on no other."""
