@@ -64,6 +64,11 @@ class SegmentName:
         return _LONG_AXIS_X if self.kind == "foot" else LONG_AXIS_Z
 
     @property
+    def is_known(self) -> bool:
+        """Whether it is a name of the default body below the root."""
+        return self.kind in JOINT_ABOVE
+
+    @property
     def straight_in_rest(self) -> bool:
         """Whether the segment continues the one that it hangs on in a straight line in the N-pose."""
         return self.kind in _STRAIGHT

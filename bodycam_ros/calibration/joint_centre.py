@@ -16,6 +16,10 @@ from bodycam_ros.calibration.rig import Rig
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.geometry import Array, nearest_rotation
 
+_NAME_HINGE = (
+    "; if it cannot, as a knee or an elbow, name its segment shin_left, forearm_right or alike in the rig: these are "
+    "straight in the N-pose, which determines that place"
+)
 _BALL, _HINGE = 3, 2  # directions that they turn across
 _FREE = 0.05  # singular value [rad rms] below which a joint does not turn across a direction: registrations give
 # 0.002; people's knees 0.02; an exercised ankle 0.1
@@ -121,7 +125,7 @@ def check_exercised(rig: Rig, centres: Mapping[str, JointCentre]) -> list[str]:
         elif freedoms < _BALL and not named.straight_in_rest:
             complaints.append(
                 f"joint {named.joint} turned about one axis only {values}, so its place along that axis is unknown: "
-                f"{named.exercise}"
+                f"{named.exercise}{'' if named.is_known else _NAME_HINGE}"
             )
         elif freedoms < _BALL:
             hinges.append(child)

@@ -57,8 +57,14 @@ class Rig:
                 others = other_than(parent, (each for each in self.parents if each != segment))
                 raise BodyError(f"segment {segment}: its parent {parent} is not among the segments; {others}")
         roots = [segment for segment, parent in self.parents.items() if parent is None]
-        if len(roots) != 1:
-            raise BodyError(f"one segment must be the root, with null as its parent, not {len(roots)}: {roots}")
+        if not roots:
+            raise BodyError(
+                "every segment has a parent; write null for the parent of one, the root, such as the pelvis"
+            )
+        if len(roots) > 1:
+            raise BodyError(
+                f"one segment must be the root, with null as its parent, not {len(roots)}: {', '.join(roots)}"
+            )
         for segment in self.parents:
             self._path_to_root(segment)
         if bare := [segment for segment in self.segments if not self.cameras_on(segment)]:
@@ -84,6 +90,15 @@ class Rig:
     def missing_cameras(self, present: Collection[str]) -> list[str]:
         """A line for each camera of the rig that is not among those of a recording; nothing else describes it so."""
         return [f"camera {camera}: {NOT_RECORDED}" for camera in self.cameras if camera not in present]
+
+    def strange_cameras(self, present: Collection[str]) -> list[str]:
+        """A line for each camera of a recording that may be a missing one of the rig by another name."""
+        missing = [camera for camera in self.cameras if camera not in present]
+        strange = sorted(camera for camera in present if camera not in self.cameras) if missing else []
+        return [
+            f"camera {camera}: is not in the rig, where it may have another name: name its files as the rig does"
+            for camera in strange
+        ]
 
     @property
     def root(self) -> str:

@@ -44,6 +44,11 @@ def camera_from_info(
     Raises:
         LensError: a field is missing, malformed or of an unsupported model.
     """
+    if not distortion_model:
+        raise _error(
+            name,
+            "there is no distortion model, as where a driver has no calibration; measure the lens, and give it that",
+        )
     if distortion_model not in MODELS:
         known = other_than(distortion_model, sorted(MODELS))
         raise _error(name, f"distortion model {shown(distortion_model)} is unknown; {known}")

@@ -98,6 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     cameras, refused = find_cameras(arguments.videos, arguments.lenses, arguments.rate, arguments.scale)
     present = {*refused, *(camera.topic_name for camera in cameras)}
     missing = [] if rig is None else rig.missing_cameras(present)
+    strange = [] if rig is None else rig.strange_cameras(present)
     with shown_progress() as progress:
         if arguments.synchronous:
             offsets = synchronous_offsets([camera.name for camera in cameras])
@@ -114,7 +115,7 @@ def run(arguments: argparse.Namespace) -> int:
     for fault in merge_lines(missing):
         console.print(f"WARNING: {fault}", style="bold red")
     of_streams = [line for stream in summary.streams for line in stream.remark_lines()]
-    for remark in merge_lines([*lenses, *remark_lines(offsets.remarks), *of_streams]):
+    for remark in merge_lines([*strange, *lenses, *remark_lines(offsets.remarks), *of_streams]):
         console.print(remark, style="red")
     frames = sum(stream.frames for stream in summary.streams)
     console.print(

@@ -58,8 +58,9 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
     """Sort files, and those in folders, into cameras.
 
     A folder with videos gives a camera per file, one with images a camera, one with folders of these a camera per
-    folder. Chapters are joined: GoPro's GH010123, GH020123 and GOPR0123, GP010123, and others' ``head_1``, ``head_2``,
-    unless these have a lens YAML each, and so are cameras of their own.
+    folder. Beside videos a folder is a camera if there is a lens YAML of its name. Chapters are joined: GoPro's
+    GH010123, GH020123 and GOPR0123, GP010123, and others' ``head_1``, ``head_2``, unless these have a lens YAML each,
+    and so are cameras of their own.
 
     Returns:
         The cameras by name, and camera that is left out -> why: several recordings of one name, or a name that a topic
@@ -103,18 +104,32 @@ def find_videos(given: Sequence[Path], lens_folder: Path | None = None) -> tuple
 
 def _in_folder(folder: Path, lens_folder: Path | None) -> Recordings:
     if videos := _files_in(folder, SUFFIXES):
-        return _recordings(videos, lens_folder)
+        inner = [files for files in _in_inner_folders(folder) if _has_lens(CameraFiles(*files), lens_folder)]
+        return [*_recordings(videos, lens_folder), *inner]
     if images := _files_in(folder, IMAGE_SUFFIXES):
         return [(folder.resolve().name, tuple(images))]
+    recordings = _in_inner_folders(folder)
+    if not recordings:
+        raise RecordingError(f"{folder}: has no video; expected files such as head.mp4, or a folder for each camera")
+    return recordings
+
+
+def _in_inner_folders(folder: Path) -> Recordings:
     recordings: Recordings = []
     for inner in sorted(path for path in folder.iterdir() if path.is_dir()):
         if videos := _files_in(inner, SUFFIXES):
             recordings += [(inner.name, paths) for _, paths in _recordings(videos, None)]
         elif images := _files_in(inner, IMAGE_SUFFIXES):
             recordings.append((inner.name, tuple(images)))
-    if not recordings:
-        raise RecordingError(f"{folder}: has no video; expected files such as head.mp4, or a folder for each camera")
     return recordings
+
+
+def _has_lens(files: CameraFiles, lens_folder: Path | None) -> bool:
+    """Whether there is a lens YAML that is named after the camera."""
+    try:
+        return files.lens_path(lens_folder).stem == files.camera
+    except LensError:
+        return False
 
 
 def _files_in(folder: Path, suffixes: frozenset[str]) -> list[Path]:

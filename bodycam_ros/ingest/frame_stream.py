@@ -209,7 +209,7 @@ class FrameStream:
 
 
 def frame_remarks(camera: IngestCamera, read: int | None, without_key: int, unordered: int) -> list[str]:
-    """What is said of frames of a camera that are not in its bag.
+    """What is said of a camera's files, and of frames that are not in its bag.
 
     Args:
         camera: of the frames.
@@ -218,6 +218,12 @@ def frame_remarks(camera: IngestCamera, read: int | None, without_key: int, unor
         unordered: whose time is not after the one before.
     """
     video, remarks = camera.video, []
+    if isinstance(video, CameraVideo) and video.is_joined_by_name:
+        files = " and ".join(path.name for path in video.files)
+        remarks.append(
+            f"{files} are joined, by their names alone, as chapters that follow each other; if these are several "
+            "recordings, its clock is wrong: keep each recording in a folder of its own"
+        )
     if read is not None:
         files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
         remarks.append(

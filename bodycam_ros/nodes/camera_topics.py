@@ -81,7 +81,16 @@ class DriverTopic:
         topic = self._form.topic
         if offered_quality(self._stage, topic) is not None:
             return f"no {what} on {topic}, though it is published"
-        return f"no {what}: no node publishes {topic}"
+        reason = f"no {what}: no node publishes {self._stage.node.resolve_topic_name(topic)}"
+        if elsewhere := self._published_elsewhere(topic):
+            reason += f"; {elsewhere} is published: start driver and graph in the same namespace"
+        return reason
+
+    def _published_elsewhere(self, topic: str) -> str | None:
+        """The full name of a published topic of this name in another namespace, if there is one."""
+        node = self._stage.node
+        names = sorted(name for name, _ in node.get_topic_names_and_types() if name.endswith(f"/{topic}"))
+        return next((name for name in names if node.count_publishers(name)), None)
 
     def _subscribe(self, form: TopicForm, quality: Quality, overridable: bool) -> None:
         self._form, self._quality = form, quality
@@ -146,7 +155,7 @@ class CameraModels:
 
     Attributes:
         models: camera -> its model.
-        rejected: camera -> why its camera_info is unusable.
+        rejected: camera -> why its camera_info is unusable; the text does not name the camera.
         changes: how often a model became another.
     """
 
@@ -200,9 +209,10 @@ class CameraModels:
                     self._warnings.append(f"{printable(str(error))}; the camera_info before it is used (reported once)")
                 return
             self._contents[camera] = content
-            reason = printable(str(error))
+            reason = printable(error.cause)
             if reason != self.rejected.get(camera):
-                self._errors.append(f"{reason}; the camera is not used until its driver sends a usable camera_info")
+                line = f"camera {camera}: {reason}; the camera is not used until its driver sends a usable camera_info"
+                self._errors.append(line)
             self.rejected[camera] = reason
         else:
             self.rejected.pop(camera, None)

@@ -277,7 +277,8 @@ class RegistrationStage(Stage[RegistrationParameters]):
         elif unknown := [camera for camera in missing if camera in self._waiting]:
             level, text = StatusLevel.ERROR, f"tracks, but no camera_info of {few(unknown)}"
         elif cameras.rejected:
-            level, text = StatusLevel.ERROR, f"unusable camera_info: {few(sorted(cameras.rejected.values()))}"
+            causes = (f"camera {camera}: {reason}" for camera, reason in sorted(cameras.rejected.items()))
+            level, text = StatusLevel.ERROR, f"unusable camera_info: {few([*causes])}"
         elif self._waiting:
             level, text = StatusLevel.WARN, f"waiting for more readers of the landmarks of {few(sorted(self._waiting))}"
         elif lost:

@@ -4,7 +4,7 @@ A map of another scale than the body: all cameras contradict alike, and one scal
 camera fits the mount of another. A clock that is some milliseconds off: the poses are right at another time.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from bodycam_ros.body.body_model import CameraMount
 from bodycam_ros.calibration.strap_slip import Slip, lasting_change
-from bodycam_ros.geometry import Array, inverse, rigid, transform_points
+from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.quality.camera_poses import CameraPoses
 from bodycam_ros.quality.contradiction import (
     DOUBTFUL_GAP_M,
@@ -46,13 +46,14 @@ class Cause:
 
     Attributes:
         kind: for programs; ``place`` is a camera that records from another's mount, ``mount`` one that sits elsewhere
-            than the body has it, ``images`` a wrong lens or images of something else than the map.
+            than the body has it, ``turned`` one that is turned about its optical axis there, ``images`` a wrong lens or
+            images of something else than the map.
         why: the likely reason.
         remedy: what to do.
         is_exchange: whether it is on another's mount.
     """
 
-    kind: Literal["scale", "names", "place", "lens", "clock", "strap", "mount", "images"]
+    kind: Literal["scale", "names", "place", "lens", "clock", "strap", "mount", "turned", "images"]
     why: str
     remedy: str
     is_exchange: bool = False
@@ -65,11 +66,11 @@ def find_causes(found: Contradiction) -> dict[str, Cause]:
         return dict.fromkeys(
             found.gaps, Cause("scale", why, "check the tag size of the board on the map's photographs")
         )
-    places = _exchanged_places(found)
-    return {camera: _find_cause(found.poses, camera, places) for camera in found.gaps}
+    places, known = _exchanged_places(found)
+    return {camera: _find_cause(found.poses, camera, places, known) for camera in found.gaps}
 
 
-def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Cause:
+def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str], known: dict[str, Array]) -> Cause:
     place = places.get(camera)
     if place and places.get(place) == camera:
         remedy = "exchange the two names, in the topics or in the body file"
@@ -79,12 +80,13 @@ def _find_cause(poses: CameraPoses, camera: str, places: dict[str, str]) -> Caus
     if place:
         remedy = "check the names of the cameras in the topics and in the body file"
         return Cause("place", f"its images come from the place of camera {place}", remedy, True)
+    if (turned := _turned_cause(poses, camera, known)) is not None:
+        return turned
     if (clock := clock_cause(poses, camera)) is not None:
         return clock
     seconds, offsets, _ = _joint_offsets(poses, camera)
-    if (slip := _slip(seconds, offsets)) is not None:
-        why = f"its strap slipped at {slip.seconds:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
-        return Cause("strap", why, "use the recording up to then, or record again")
+    if (slip := find_slip(seconds, offsets)) is not None:
+        return slip_cause(slip)
     far = np.median(offsets, axis=0)
     far_m, spread_m = float(np.linalg.norm(far)), _median_size(offsets - far)
     if poses.counts[camera].share > WELL_REGISTERED and far_m < _MAX_STRAP_M and spread_m < _STEADY * far_m:
@@ -107,6 +109,25 @@ def lens_cause(lens: LensDeviation | None) -> Cause | None:
         return None
     why = f"its images do not fit its calibration (camera_info): {lens.text}"
     return Cause("lens", why, "check its camera_info, or measure its lens again (bodycam lens)")
+
+
+def _turned_cause(poses: CameraPoses, camera: str, known: dict[str, Array]) -> Cause | None:
+    """Images that are turned by quarters about the optical axis; ``known``: see ``_place_gap``."""
+    mount = poses.body.mounts[camera]
+    gaps = {}
+    for degrees in (90, 180, 270):
+        turn = rigid(exp_so3(np.array([0.0, 0.0, np.radians(degrees)])), np.zeros(3))
+        turned = replace(mount, segment_T_camera=mount.segment_T_camera @ turn)
+        gaps[degrees] = _place_gap(poses, camera, turned, known)
+    degrees, gap_m = min(gaps.items(), key=lambda each: np.nan_to_num(each[1], nan=np.inf))
+    if not gap_m <= DOUBTFUL_GAP_M:
+        return None
+    return Cause(
+        "turned",
+        f"its images are turned by {min(degrees, 360 - degrees)} deg since the body was made: it was strapped on "
+        "turned, or its automatic rotation turned the video",
+        "record a range of motion with the cameras as they are now, automatic rotation off, and make a new body",
+    )
 
 
 def clock_cause(poses: CameraPoses, camera: str) -> Cause | None:
@@ -142,7 +163,13 @@ def _joint_offsets(poses: CameraPoses, camera: str) -> tuple[Array, Array, Array
     return poses.seconds[known], offsets[known], velocities[known]
 
 
-def _slip(seconds: Array, offsets: Array) -> Slip | None:
+def slip_cause(slip: Slip) -> Cause:
+    """The cause of a contradiction that began with a slip."""
+    why = f"its strap slipped at {slip.seconds:.1f} s, by {1e3 * slip.moved_m:.0f} mm"
+    return Cause("strap", why, "use the recording up to then, or record again")
+
+
+def find_slip(seconds: Array, offsets: Array) -> Slip | None:
     """When the joint left its place for another firm one, by offsets (T, 3) [m], if it did."""
     slip = lasting_change(rigid(np.eye(3), offsets), seconds)
     if slip is None:
@@ -156,8 +183,8 @@ def _median_size(vectors: Array) -> float:
     return float(np.median(np.linalg.norm(vectors, axis=1)))
 
 
-def _exchanged_places(found: Contradiction) -> dict[str, str]:
-    """Camera that contradicts -> the camera whose mount on the body its poses fit.
+def _exchanged_places(found: Contradiction) -> tuple[dict[str, str], dict[str, Array]]:
+    """Camera that contradicts -> the camera whose mount on the body its poses fit; and known segments' poses.
 
     Only mounts are tried whose own camera contradicts, too, or is missing: the others are taken. They must be next to
     a segment whose pose is known, by the body or by a camera that has found its mount: more fits by chance.
@@ -179,7 +206,7 @@ def _exchanged_places(found: Contradiction) -> dict[str, str]:
         fits[camera] = place
         mount = mounts[place]
         known[mount.segment] = poses.registered[camera] @ inverse(mount.segment_T_camera)
-    return fits
+    return fits, known
 
 
 def _place_gap(poses: CameraPoses, camera: str, mount: CameraMount, known: dict[str, Array]) -> float:

@@ -5,7 +5,7 @@ The body is solved by all cameras, and the solver leaves out one that does not f
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -37,12 +37,14 @@ class Contradiction:
         core: cameras that agree with the body.
         gaps: camera that contradicts it -> its worst lasting gap [m].
         map_scale: how many times as large the map is as the body, where that explains the gaps.
+        shown_by: camera that contradicts -> another one whose gap shows it.
     """
 
     poses: CameraPoses
     core: tuple[str, ...]
     gaps: Mapping[str, float]
     map_scale: float | None
+    shown_by: Mapping[str, str] = field(default_factory=dict)
 
 
 def find_contradiction(poses: CameraPoses, cameras: Sequence[str]) -> Contradiction:

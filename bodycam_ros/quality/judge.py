@@ -11,6 +11,7 @@ from bodycam_ros.quality.body_mismatch import body_finding
 from bodycam_ros.quality.camera_poses import CameraPoseLog, CameraPoses
 from bodycam_ros.quality.causes import Cause, clock_cause, find_causes, lens_cause
 from bodycam_ros.quality.contradiction import DOUBTFUL_GAP_M, Contradiction, find_contradiction, lasting, pose_gap
+from bodycam_ros.quality.neighbour_slip import attribute_slips
 from bodycam_ros.registration.pose_fit import PoseFitSettings
 from bodycam_ros.results.verdict import Finding, Level, Verdict
 
@@ -44,6 +45,7 @@ def judge(poses: CameraPoses, others: Iterable[Finding] = ()) -> Verdict:
     if not is_exchanged and (other_body := body_finding(found, cameras)) is not None:
         # Clocks, lenses and straps cannot be told from a body that does not fit.
         return Verdict.from_findings((*lost, other_body, *others))
+    found, causes = attribute_slips(found, causes)
     accused = [_contradiction_finding(poses, found, camera, cause) for camera, cause in causes.items()]
     findings = [
         *lost,
@@ -72,7 +74,7 @@ def _unregistered_finding(poses: CameraPoses, camera: str, is_everybody: bool) -
     if is_everybody:
         why, remedy = "this is the map of another place, or the place has changed", "build a map of this place"
         return Finding(camera, Level.WRONG, what, why, remedy, check="registered", cause="map")
-    why = "it was covered, dark or blurred, or its images do not fit its calibration (camera_info)"
+    why = "it was covered, dark or blurred, or its images are mirrored or do not fit its calibration (camera_info)"
     remedy = "look at its images; its segment is solved from the other cameras"
     return Finding(camera, Level.DOUBTFUL, what, why, remedy, check="registered")
 
@@ -96,7 +98,7 @@ def _no_common_time_finding(poses: CameraPoses, camera: str, others: Sequence[st
 
 
 def _contradiction_finding(poses: CameraPoses, found: Contradiction, camera: str, cause: Cause) -> Finding:
-    gap_m, over_time = found.gaps[camera], pose_gap(found.poses, camera)
+    gap_m, over_time = found.gaps[camera], pose_gap(found.poses, found.shown_by.get(camera, camera))
     bad, known = over_time > DOUBTFUL_GAP_M, np.isfinite(over_time)
     share = float(bad[known].mean())
     what = f"contradicts the body by {1e3 * gap_m:.0f} mm"

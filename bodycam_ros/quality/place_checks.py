@@ -59,6 +59,12 @@ def check_registration(registered: RegisteredSamples) -> Iterator[Finding]:
     check = "registered"
     shares = {camera: registered.share(camera) for camera in registered.poses}
     shares = {camera: share for camera, share in shares.items() if np.isfinite(share)}
+    for camera in sorted(registered.mirrored):
+        what = "its images are mirrored: left is right"
+        yield Finding(camera, Level.WRONG, what, remedy="switch mirroring off in the camera", check=check)
+        shares.pop(camera)
+    if registered.mirrored and not shares:
+        return
     if not any(shares.values()):
         what, remedy = "no image could be registered", "first correct the findings on lenses and images"
         if shares:
@@ -71,7 +77,7 @@ def check_registration(registered: RegisteredSamples) -> Iterator[Finding]:
             what = f"is registered in {share:.0%} of {len(registered.poses[camera])} images"
             remedy = "photograph what it sees and build the map again, or use 'bodycam map extend' on this recording"
             yield Finding(camera, level, what, remedy=remedy, check=check)
-    images = sum(len(poses) for poses in registered.poses.values())
+    images = sum(len(registered.poses[camera]) for camera in shares)
     mean = np.mean(list(shares.values()))
     yield good(check, f"{mean:.0%} of {images} single images are registered; 'bodycam replay' will register more")
 
@@ -80,7 +86,8 @@ def check_field_of_view(
     recording: Path, registered: RegisteredSamples, progress: Progress, names: TopicNames
 ) -> Iterator[Finding]:
     """Compare lenses with the tracks of their cameras: some seconds a camera, so only of those that register badly."""
-    doubted = sorted(camera for camera in registered.poses if registered.share(camera) < _REGISTERED)
+    lost = {camera for camera in registered.poses if registered.share(camera) < _REGISTERED}
+    doubted = sorted(lost - registered.mirrored)
     if not doubted:
         return
     with progress.step("lenses", len(doubted)) as advance:

@@ -295,6 +295,8 @@ def _add_sample(
 _HOPELESS = 2
 """Samples in which no camera registers; then the others are left out: a wrong map would cost the most time."""
 
+_MIRRORED = 2  # images of a camera without registration whose mirror images are tried
+
 
 @dataclass(frozen=True, eq=False)
 class RegisteredSamples:
@@ -303,10 +305,12 @@ class RegisteredSamples:
     Attributes:
         times_s: (K,) times of the samples [s].
         poses: camera -> number of a sample -> (4, 4) world_T_camera, or None where the image cannot be registered.
+        mirrored: cameras none of whose images can be registered, but whose mirror images can.
     """
 
     times_s: Array
     poses: Mapping[str, Mapping[int, Array | None]]
+    mirrored: frozenset[str] = frozenset()
 
     def share(self, camera: str) -> float:
         """Share of a camera's images that were registered; NaN if none was tried."""
@@ -357,4 +361,18 @@ def register_samples(
             done += 1
             if done == _HOPELESS and not any(pose is not None for of in poses.values() for pose in of.values()):
                 break
-    return RegisteredSamples(recording.times_s, poses)
+        lost = [name for name, of in poses.items() if of and not any(pose is not None for pose in of.values())]
+        tests = pool.map(lambda name: _is_mirrored(usable[name], [*poses[name]][:_MIRRORED], reference_map), lost)
+        mirrored = frozenset(name for name, found in zip(lost, tests, strict=True) if found)
+    return RegisteredSamples(recording.times_s, poses, mirrored)
+
+
+def _is_mirrored(camera: SampledCamera, numbers: Sequence[int], reference_map: ReferenceMap) -> bool:
+    """Whether a sample is registered once left and right are exchanged, as some webcams and telephones do."""
+    lens, lit = camera.lens, camera.lit
+    if lens is None:
+        return False
+    registration = ImageRegistration(replace(lens, cx=lens.width - 1.0 - lens.cx), reference_map)
+    mask = None if lit is None else np.ascontiguousarray(lit[:, ::-1])
+    mirror_images = (np.ascontiguousarray(camera.images[number][:, ::-1]) for number in numbers)
+    return any(registration.register(image, mask).world_T_camera is not None for image in mirror_images)

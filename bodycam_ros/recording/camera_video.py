@@ -18,6 +18,11 @@ from bodycam_ros.recording.video_file import FileFacts, TimedPacket, read_facts
 _CLOCK_S = 2.0
 """Times of creation are whole seconds, taken now before the first frame, now after it."""
 
+_SAME_RATE = 0.1
+"""Share by which the mean rates of two chapters may differ, as by frames that were dropped in the dark."""
+
+_RATE_FRAMES = 24  # a last chapter of fewer has no rate worth comparing
+
 _GOPRO_CHAPTER = re.compile(r"G[HXLP](\d\d)\d{4}$", re.IGNORECASE)
 _COMPARED = 65_536  # [bytes] of both ends, by which a copy is found
 
@@ -54,7 +59,7 @@ class CameraVideo:
         """Look at a camera's files, which follow each other.
 
         Raises:
-            RecordingError: one is no video, they differ in size, codec or rotation, or overlap in time.
+            RecordingError: one is no video, they differ in size, codec, rotation or rate, or overlap in time.
         """
         chapters: list[Chapter] = []
         start_s = 0.0
@@ -69,13 +74,20 @@ class CameraVideo:
             chapters.append(Chapter(path, facts, start_s))
             start_s += facts.duration_s
             first = chapters[0]
-            if _form(facts) != _form(first.facts):
+            if _form(facts) != _form(first.facts) or _differ_in_rate(facts, first.facts):
                 raise RecordingError(
                     f"{path} ({_describe(facts)}) does not go on from {first.path} "
-                    f"({_describe(first.facts)}); give the files of one recording",
+                    f"({_describe(first.facts)}); give the files of one recording, a folder for each recording",
                     camera,
                 )
         return cls(camera, tuple(chapters))
+
+    @property
+    def is_joined_by_name(self) -> bool:
+        """Whether nothing but ``_1``, ``_2`` in their names says that the files are chapters of one recording."""
+        return any(
+            after.facts.created is None and _GOPRO_CHAPTER.match(after.path.stem) is None for after in self.chapters[1:]
+        )
 
     def parts(self) -> list["CameraVideo"]:
         """The video cut where chapters do not follow each other: the camera was stopped, or a file is missing.
@@ -187,6 +199,13 @@ def _form(facts: FileFacts) -> tuple[object, ...]:
     return facts.codec, facts.width, facts.height, facts.rotation_deg
 
 
+def _differ_in_rate(first: FileFacts, second: FileFacts) -> bool:
+    """Whether two files have other frame rates, as far as these are known."""
+    low, high = sorted((first.rate_hz, second.rate_hz))
+    enough = min(first.about_frames, second.about_frames) >= _RATE_FRAMES
+    return enough and low > 0.0 and high > (1.0 + _SAME_RATE) * low
+
+
 def _describe(facts: FileFacts) -> str:
     turned = f", turned by {facts.rotation_deg} deg" if facts.rotation_deg else ""
-    return f"{facts.width} x {facts.height}, {facts.codec}{turned}"
+    return f"{facts.width} x {facts.height}, {facts.rate_hz:.4g} frames/s, {facts.codec}{turned}"

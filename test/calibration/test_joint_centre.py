@@ -63,3 +63,11 @@ def test_a_joint_that_was_not_exercised_is_named(child: str, turns: np.ndarray, 
     rig = Rig({"a": "trunk", "b": child}, {"trunk": None, child: "trunk"})
     with naming(RangeOfMotionError, named, SegmentName(child).exercise):
         check_exercised(rig, {child: centre})
+
+
+def test_a_hinge_of_an_unknown_name_is_told_the_names_that_determine_it() -> None:
+    centre = find_joint_centre(moving(np.linspace(0, 1, 100)[:, None] * [0.0, 1.0, 0.0]))
+    rig = Rig({"a": "croup", "b": "gaskin"}, {"croup": None, "gaskin": "croup"})
+    with naming(RangeOfMotionError, "gaskin", "shin_left", "forearm_right"):
+        check_exercised(rig, {"gaskin": centre})
+    assert check_exercised(Rig({"a": "t", "b": "shin_left"}, {"t": None, "shin_left": "t"}), {"shin_left": centre})

@@ -28,6 +28,8 @@ def test_a_rig_is_read_and_what_carries_no_camera_is_left_out(tmp_path: Path) ->
         ("cameras: {a: pelvis, b: head}\nsegments: {pelvis: null, torso: pelvis, head: torso}", ("torso",)),
         (GOOD.replace("thigh: thigh_left", "thigh: thigh_lefd"), ("thigh_lefd", "did you mean thigh_left?")),
         (GOOD.replace("hand_left: pelvis", "hand_left: pelvs"), ("pelvs", "did you mean pelvis?")),
+        ("cameras: {a: x}\nsegments: {x: y, y: x}", ("null", "root")),
+        ("cameras: {a: x}\nsegments: {x: null, y: null}", ("root", "x, y")),
         ("cameras: {a: pelvis}", ("segments",)),
         ("cameras: {a: pelvis", ()),
     ],

@@ -114,3 +114,8 @@ def test_what_opencv_s_calibration_writes_is_a_lens(
     assert (camera.width, camera.height, camera.distortion_model) == (640, 480, model)
     np.testing.assert_allclose(camera.distortion, coefficients)
     np.testing.assert_allclose(camera.k, K)
+
+
+def test_a_driver_without_calibration_is_told_so() -> None:
+    with naming(LensError, "camera head", "no calibration", "measure the lens"):
+        camera_from_info("head", 640, 480, "", [], [0.0] * 9)

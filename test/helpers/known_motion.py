@@ -45,7 +45,7 @@ class KnownMotion:
         names: camera -> the name that it records under, where that is another's.
         altered: camera -> what is wrong with its poses.
         clocks_s: camera -> by how much its stamps are ahead [s].
-        solved: what the solver made of the true poses (S, 4, 4).
+        solved: what the solver made of the true poses (S, 4, 4) at a time [s].
         starts_s: when it begins [s].
     """
 
@@ -53,7 +53,7 @@ class KnownMotion:
     names: Mapping[str, str] = field(default_factory=dict)
     altered: Mapping[str, Alter] = field(default_factory=dict)
     clocks_s: Mapping[str, float] = field(default_factory=dict)
-    solved: Callable[[Array], Array] = lambda poses: poses
+    solved: Callable[[float, Array], Array] = lambda _, poses: poses
     starts_s: float = 0.0
 
     def registrations(self) -> Iterator[LandmarkMatches]:
@@ -74,10 +74,10 @@ class KnownMotion:
         for matches in self.registrations():
             while states and states[0][0] < matches.stamp_ns - 5e9 / RATE_HZ:
                 stamp_ns, time = states.pop(0)
-                log.add_state(stamp_ns, self.solved(segment_poses(time)))
+                log.add_state(stamp_ns, self.solved(time, segment_poses(time)))
             log.add_registration(matches)
         for stamp_ns, time in states:
-            log.add_state(stamp_ns, self.solved(segment_poses(time)))
+            log.add_state(stamp_ns, self.solved(time, segment_poses(time)))
         return log
 
     def verdict(self) -> Verdict:
@@ -98,6 +98,12 @@ class KnownMotion:
 def exchanged(*pairs: tuple[str, str]) -> dict[str, str]:
     """Names of cameras that were exchanged."""
     return {a: b for pair in pairs for a, b in (pair, pair[::-1])}
+
+
+def turned(degrees: float, after_s: float = -1.0) -> Alter:
+    """A camera that is turned about its optical axis from some time on."""
+    step = rigid(exp_so3(np.array([0.0, 0.0, np.radians(degrees)])), np.zeros(3))
+    return lambda time, pose: pose @ step if time >= after_s else pose
 
 
 def moved(shift_m: tuple[float, float, float], after_s: float = -1.0) -> Alter:

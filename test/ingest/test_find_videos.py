@@ -66,6 +66,16 @@ def test_a_folder_for_each_camera(tmp_path: Path) -> None:
     assert found([tmp_path]) == {"head": ["GH010001.MP4", "GH020001.MP4"], "shin": ["GH010001.MP4"]}
 
 
+def test_a_folder_with_a_lens_is_a_camera_beside_videos_too(tmp_path: Path) -> None:
+    touch(tmp_path, "head.mp4", "shin/GH010001.MP4", "shin/GH020001.MP4", "foot/1.jpg", "old/head.mp4")
+    touch(tmp_path, "shin.yaml", "foot/foot.yaml", "old/head.yaml")
+    shin = {"shin": ["GH010001.MP4", "GH020001.MP4"]}
+    assert found([tmp_path]) == {"head": ["head.mp4"], **shin, "foot": ["1.jpg"]}
+    touch(tmp_path, "lens/shin.yaml")
+    cameras, _ = find_videos([tmp_path], tmp_path / "lens")
+    assert {files.camera for files in cameras} == {"head", "shin"}
+
+
 def test_several_recordings_of_one_camera_are_named_and_the_rest_goes_on(tmp_path: Path) -> None:
     touch(tmp_path, "head.mp4", "shin.mp4", "again/head.mp4")
     cameras, causes = find_videos([tmp_path, tmp_path / "again"])

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from helpers.altered_sample import write_altered_sample
@@ -37,6 +38,21 @@ def longer_lens(topic: str, number: int, message: Message) -> Message:
 @pytest.fixture(scope="module")
 def wrong_lens(sample: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_altered_sample(sample, tmp_path_factory.mktemp("lens") / "bag", longer_lens, LEFT_LEG, FRAMES)
+
+
+def test_mirrored_images_are_named_by_the_doctor(sample: Path, tmp_path: Path) -> None:
+    def mirror(topic: str, number: int, message: Message) -> Message:
+        if topic == "/shin_left/image_raw/compressed":
+            image = cv2.imdecode(np.frombuffer(message.data, np.uint8), cv2.IMREAD_GRAYSCALE)
+            message.data = cv2.imencode(".jpg", image[:, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 95])[1].ravel()
+        return message
+
+    bag = write_altered_sample(sample, tmp_path / "bag", mirror, ("waist_front", "thigh_left", "shin_left"))
+    checked = bodycam("doctor", bag, "--map", sample / "map", "--json")
+    assert checked.returncode == WRONG_RESULT, checked.stderr
+    wrong = [each for each in json.loads(checked.stdout)["findings"] if each["level"] == "wrong"]
+    assert [(each["subject"], each["check"]) for each in wrong] == [("shin_left", "registered")], wrong
+    assert "mirrored" in wrong[0]["what"]
 
 
 def test_a_wrong_lens_is_named_by_replay_and_evaluate(sample: Path, wrong_lens: Path, tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers.known_motion import BODY, DURATION_S, Alter, KnownMotion, exchanged, moved, segment_poses
+from helpers.known_motion import BODY, DURATION_S, Alter, KnownMotion, exchanged, moved, segment_poses, turned
 from helpers.naming import names, numbers
 
 from bodycam_ros.geometry import Array, exp_se3, rigid
@@ -72,6 +72,34 @@ def test_a_slipped_strap_is_named_with_its_time() -> None:
     assert (first_s, last_s) == (pytest.approx(2.5, abs=0.1), pytest.approx(DURATION_S, abs=0.2))
 
 
+def test_a_slipped_camera_that_the_body_follows_is_named_and_not_its_neighbour() -> None:
+    """The shin is solved with its camera's turn, which displaces the foot: the foot's camera is farther off."""
+    mount, shin, foot = BODY.mounts["shin_left"], BODY.segment_index["shin_left"], BODY.segment_index["foot_left"]
+    slip = turned(15.0, after_s=2.0)
+
+    def follow(time: float, poses: Array) -> Array:
+        camera = poses[shin] @ mount.segment_T_camera
+        turn = (slip(time, camera) @ np.linalg.inv(camera))[:3, :3]
+        followed = poses.copy()
+        followed[shin, :3, :3] = turn @ poses[shin, :3, :3]
+        followed[foot, :3, 3] = poses[shin, :3, 3] + turn @ (poses[foot, :3, 3] - poses[shin, :3, 3])
+        return followed
+
+    finding = only(KnownMotion(altered={"shin_left": slip}, solved=follow).verdict(), Level.DOUBTFUL)
+    assert (finding.subject, finding.cause) == ("shin_left", "strap")
+    assert numbers(finding.why)[0] == pytest.approx(2.0, abs=0.1)
+    slipped_foot = only(KnownMotion(altered={"foot_left": turned(25.0, after_s=2.0)}).verdict(), Level.WRONG)
+    assert slipped_foot.subject == "foot_left"
+
+
+@pytest.mark.parametrize("degrees", [180, 90, -90])
+@pytest.mark.parametrize("camera", ["forearm_left", "thigh_right"])
+def test_images_that_are_turned_are_named_as_such(camera: str, degrees: int) -> None:
+    finding = only(KnownMotion(altered={camera: turned(float(degrees))}).verdict(), Level.WRONG)
+    assert (finding.subject, finding.cause) == (camera, "turned")
+    assert numbers(finding.why) == [abs(degrees)]
+
+
 @pytest.mark.parametrize("error_s", [0.02, -0.02])
 @pytest.mark.parametrize("camera", ["foot_left", "forearm_right"])
 def test_a_clock_that_is_off_by_some_milliseconds(camera: str, error_s: float) -> None:
@@ -100,12 +128,14 @@ def test_a_camera_that_the_solver_left_out_makes_a_result_doubtful_and_one_that_
     fault = {"waist_right": moved((0.4, 0.0, 0.0))}
     finding = only(KnownMotion(altered=fault).verdict(), Level.DOUBTFUL)
     assert finding.subject == "waist_right"
-    pulled = KnownMotion(altered=fault, solved=lambda poses: rigid(np.eye(3), np.array([0.2, 0.0, 0.0])) @ poses)
+    pulled = KnownMotion(altered=fault, solved=lambda _, poses: rigid(np.eye(3), np.array([0.2, 0.0, 0.0])) @ poses)
     assert only(pulled.verdict(), Level.WRONG).subject == "waist_right"
 
 
 def test_a_solver_that_went_astray_is_wrong_though_all_cameras_agree() -> None:
-    astray = KnownMotion(LEFT_LEG, solved=lambda poses: rigid(np.eye(3), np.array([0.0, 0.3, 0.0])) @ poses).verdict()
+    astray = KnownMotion(
+        LEFT_LEG, solved=lambda _, poses: rigid(np.eye(3), np.array([0.0, 0.3, 0.0])) @ poses
+    ).verdict()
     assert astray.level == Level.WRONG
     assert {finding.subject for finding in astray.findings} == set(LEFT_LEG)
 

@@ -126,6 +126,25 @@ def test_chapters_are_one_recording(tmp_path: Path) -> None:
         CameraVideo.of_files("GH010001", [one, other])
 
 
+def test_files_of_other_rates_are_not_chapters_of_one_recording(tmp_path: Path) -> None:
+    walk = make_video(tmp_path / "head.mp4", frames=60, rate_hz=30.0)
+    rom = make_video(tmp_path / "head_2.mp4", frames=60, rate_hz=24.0, first=60)
+    with naming(RecordingError, rom, "24", "30"):
+        CameraVideo.of_files("head", [walk, rom])
+    end = make_video(tmp_path / "head_3.mp4", frames=2, rate_hz=15.0)  # the rate of a last few frames is chance
+    assert len(CameraVideo.of_files("head", [walk, end]).chapters) == 2
+
+
+def test_chapters_by_their_names_alone_are_known_as_such(tmp_path: Path) -> None:
+    def is_by_name(*names: str, created: str | None = None) -> bool:
+        files = [make_video(tmp_path / n, frames=9 + k, created=created) for k, n in enumerate(names)]
+        return CameraVideo.of_files("head", files).is_joined_by_name
+
+    assert is_by_name("head.mp4", "head_2.mp4")
+    assert not is_by_name("a_1.mp4", "a_2.mp4", created="2024-05-01T12:00:00Z")
+    assert not is_by_name("GH010001.MP4", "GH020001.MP4") and not is_by_name("alone.mp4")
+
+
 @pytest.mark.parametrize(
     "content",
     [
