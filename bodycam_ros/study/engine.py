@@ -116,7 +116,7 @@ class Engine:
                 seconds = self._graph.seconds(step)
                 yield StepEnd(step, time.monotonic() - started[step] if seconds is None else seconds, None)
             if kind == "job_error" and (step := rules.get(event["jobid"])):
-                failed[step] = self._graph.failure(step, _told(event))
+                failed[step] = self._graph.failure(step, _cluster_cause(event))
                 yield StepEnd(step, time.monotonic() - started[step], failed[step])
         yield from self._not_run(open_steps, failed)
 
@@ -136,7 +136,7 @@ class Engine:
             yield StepEnd(step, 0.0, f"not run, because step '{cause.name}' failed")
 
     def _events(self, graph: Path, more: Sequence[str], lock: Path | None) -> Iterator[dict[str, Any]]:
-        """Run Snakemake, and give what it tells; an interruption ends it and all that it has started.
+        """Run Snakemake, and yield its events; an interruption ends it and all that it has started.
 
         Args:
             graph: from the folder of results on.
@@ -154,9 +154,9 @@ class Engine:
             # Ours is released by the system. Nothing that our commands leave is incomplete.
             *("--nolock", "--keep-going", "--keep-incomplete", "--rerun-incomplete", "--scheduler", "greedy", *more),
         ]
-        told = dict(os.environ) if lock is None else {**os.environ, VARIABLE: str(lock)}
+        environment = dict(os.environ) if lock is None else {**os.environ, VARIABLE: str(lock)}
         if not _has_cache():
-            told["XDG_CACHE_HOME"] = str(self._graph.folder / _STATE / "cache")
+            environment["XDG_CACHE_HOME"] = str(self._graph.folder / _STATE / "cache")
         has_failed, problem = False, ""
         with open(reading, encoding="utf-8") as pipe, self._output(lock) as output:
             # In a session of its own: a terminal's Ctrl-C reaches it through us, once.
@@ -167,7 +167,7 @@ class Engine:
                     stdout=output,
                     stderr=output,
                     pass_fds=(writing,),
-                    env=told,
+                    env=environment,
                     start_new_session=True,
                 )
             finally:
@@ -227,8 +227,8 @@ def _has_cache() -> bool:
     return os.access(next(folder for folder in (cache, *cache.parents) if folder.exists()), os.W_OK)
 
 
-def _told(error: dict[str, Any]) -> str:
-    """What a cluster says about a job that failed, and where it says more; nothing of one on this machine."""
+def _cluster_cause(error: dict[str, Any]) -> str:
+    """Why a job failed on a cluster, and the file with more; empty for a job on this machine."""
     first = " ".join((error["rule_msg"] or "").partition("For further error details")[0].split()).rstrip(".")
     of_cluster = error["log"][1:]  # the first is that of the step
     return f"{first}; what the cluster printed is in {of_cluster[-1]}" if first and of_cluster else first
