@@ -10,8 +10,8 @@ import multiprocessing
 import resource
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
-from multiprocessing.queues import Queue
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -42,20 +42,16 @@ class Cost:
 
 def cost_of(work: Callable[..., object], *arguments: object, solved_s: float = 0.0) -> Cost:
     """What a function takes in a process of its own, start included."""
-    context = multiprocessing.get_context("spawn")
-    told: Queue[tuple[float, float]] = context.Queue()
-    process = context.Process(target=_measured, args=(told, work, arguments))
-    process.start()
-    cpu_s, memory_mb = told.get()
-    process.join()
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        cpu_s, memory_mb = pool.submit(_measured, work, arguments).result()
     return Cost(cpu_s, memory_mb, solved_s)
 
 
-def _measured(told: "Queue[tuple[float, float]]", work: Callable[..., object], arguments: Sequence[object]) -> None:
+def _measured(work: Callable[..., object], arguments: Sequence[object]) -> tuple[float, float]:
     cv2.setNumThreads(1)
     work(*arguments)
     used = resource.getrusage(resource.RUSAGE_SELF)
-    told.put((used.ru_utime + used.ru_stime, 1e-3 * used.ru_maxrss))
+    return used.ru_utime + used.ru_stime, 1e-3 * used.ru_maxrss
 
 
 def schedule_s(stretch_s: float, count: int, processes: int) -> float:
@@ -72,9 +68,11 @@ def main() -> None:
     parser.add_argument("recording", type=Path)
     parser.add_argument("--map", type=Path, required=True)
     parser.add_argument("--body", type=Path, required=True)
-    parser.add_argument("--stretches", type=int, default=3)
+    parser.add_argument("--stretches", type=int, default=3, help="two or more")
     parser.add_argument("--block", type=float, default=BLOCK_S, help="seconds")
     arguments = parser.parse_args()
+    if arguments.stretches < 2:
+        parser.error("--stretches: what each of them costs follows from two or more")
     with TemporaryDirectory() as folder:
         asked = ReplayRequest(arguments.recording, arguments.map, arguments.body, Path(folder, "out"), jobs=2)
         first = make_first_pass(asked, arguments.stretches, arguments.block)

@@ -169,8 +169,8 @@ def play(arguments: argparse.Namespace, folder: Path, loss: float, delay_s: floa
             listener = _start(
                 _DESK, "benchmarks.two_networks", "--listen", *arguments.cameras, folder=folder, stdout=subprocess.PIPE
             )
-            assert listener.stdout is not None and listener.stdout.readline() == "ready\n"
             started.append(listener)
+            assert listener.stdout is not None and listener.stdout.readline() == "ready\n"
             for node in (*nodes, source):
                 where = _WORN if node.executable in ("tracker", "player") else _DESK
                 started.append(

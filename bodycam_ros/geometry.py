@@ -135,11 +135,12 @@ def rotation_from_xyzw(q: NDArray[np.floating]) -> Array:
     """Rotation (..., 3, 3) of a quaternion (..., 4), x y z w, of any length but zero.
 
     Raises:
-        ValueError: a quaternion of length zero.
+        ValueError: a quaternion of length zero, or longer than any number.
     """
-    length = np.linalg.norm(q, axis=-1, keepdims=True)
-    if not length.all():
-        raise ValueError("a quaternion of length zero is no rotation")
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(q, axis=-1, keepdims=True)
+    if not length.all() or np.isinf(length).any():
+        raise ValueError("a quaternion of length zero or infinity is no rotation")
     unit: Array = q.astype(np.float64) / length
     w, V = unit[..., 3, None, None], hat(unit[..., :3])
     R: Array = _IDENTITY + 2.0 * (w * V + V @ V)

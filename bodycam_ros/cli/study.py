@@ -3,8 +3,8 @@
 import argparse
 import os
 import shlex
-from collections.abc import Mapping
-from contextlib import closing
+from collections.abc import Mapping, Sequence
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from bodycam_ros.cli.options import add_config, add_option
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.results.verdict import WRONG_RESULT
+from bodycam_ros.settings import read_settings_file
 from bodycam_ros.study.engine import Engine, StepEnd
 from bodycam_ros.study.step_graph import StepGraph
 from bodycam_ros.study.step_needs import StepNeeds
@@ -116,7 +117,13 @@ def solve_study(
         is_logged: what the steps print goes to files, and they share the cores; else they print to the terminal, one
             after another.
         profile: of a cluster.
+
+    Raises:
+        SettingsError: the file of --config cannot be read.
+        StudyError: another run is at work, or Snakemake cannot run.
     """
+    if arguments.config is not None:
+        read_settings_file(arguments.config)  # so that what is wrong with it is named before anything runs
     steps = study_steps(replace(study, settings=arguments.config or study.settings), folder)
     graph, terminal = StepGraph(steps, Path(os.path.realpath(folder)), is_logged), Terminal()
     cores = arguments.jobs or os.cpu_count() or 1
@@ -126,17 +133,22 @@ def solve_study(
         # A process is waited for by its own threads, not by others, so recordings share the cores.
         processes = max(1, cores // max(1, len(study.recordings))) if is_logged else cores
     engine = Engine(graph, StepNeeds(steps, processes, alone=not is_logged), cores, profile)
-    planned = engine.steps_to_run()
-    for step in steps:
-        if step not in planned:
-            terminal.print(f"{step.name}: is done", style="green")
-        elif arguments.dry_run:
-            terminal.print(f"{step.name}: bodycam {shlex.join(step.words)}")
+    with nullcontext() if arguments.dry_run else study_lock(folder) as lock:  # another run changes what has to run
+        planned = engine.steps_to_run()
+        for step in steps:
+            if step not in planned:
+                terminal.print(f"{step.name}: is done", style="green")
+            elif lock is None:
+                terminal.print(f"{step.name}: bodycam {shlex.join(step.words)}")
+        return SolvedStudy(graph, _run_steps(engine, planned, lock, terminal, is_logged) if lock and planned else {})
+
+
+def _run_steps(
+    engine: Engine, planned: Sequence[Step], lock: Path, terminal: Terminal, is_logged: bool
+) -> dict[str, StepEnd]:
+    """Run steps, with a line for each; the ends of those that failed, by name."""
     failures: dict[str, StepEnd] = {}
-    if arguments.dry_run or not planned:
-        return SolvedStudy(graph, failures)
     with (
-        study_lock(folder) as lock,
         shown_progress(hidden=not is_logged) as progress,
         progress.step("steps", len(planned)) as advance,
         closing(engine.run(planned, lock)) as events,
@@ -155,4 +167,4 @@ def solve_study(
                 terminal.print(f"{event.step.name}: FAILED: {event.failure}", style="bold red")
             if is_first:  # not one that was tried again
                 advance()
-    return SolvedStudy(graph, failures)
+    return failures

@@ -238,10 +238,11 @@ def _smoothing_s(ours: CapturedMotion, captured: CapturedMotion) -> float:
 
 def _changing_pairs(ours: CapturedMotion) -> list[tuple[str, str]]:
     """Pairs of points whose distance changes most."""
-    changes = {
-        (a, b): float(np.nanstd(np.linalg.norm(ours.points[a] - ours.points[b], axis=1)))
-        for a, b in combinations(ours.points, 2)
-    }
+    changes: dict[tuple[str, str], float] = {}
+    for a, b in combinations(ours.points, 2):
+        distances = np.linalg.norm(ours.points[a] - ours.points[b], axis=1)
+        known = distances[np.isfinite(distances)]
+        changes[a, b] = float(known.std()) if len(known) else 0.0
     return sorted((pair for pair in changes if changes[pair] > _MIN_CHANGE_M), key=lambda p: -changes[p])[:_MAX_PAIRS]
 
 

@@ -60,7 +60,10 @@ def read_normal_angles(path: Path) -> NormalAngles:
         RecordingError: it cannot be read, a joint is unknown or has one row, a number is none that can be, or the
             percents of a joint do not increase; the message names the line.
     """
-    rows = list(csv.reader(read_text(path, "table of normal angles", RecordingError).splitlines()))
+    try:
+        rows = list(csv.reader(read_text(path, "table of normal angles", RecordingError).splitlines()))
+    except csv.Error as error:
+        raise RecordingError(f"{path}: cannot be read as CSV: {error}") from error
     if not rows or tuple(name.strip().lower() for name in rows[0]) != _COLUMNS:
         raise RecordingError(f"{path}: {_EXPECTED}, not {shown(','.join(rows[0]) if rows else '')}")
     found: dict[str, list[tuple[float, float, float]]] = {}

@@ -50,6 +50,7 @@ _SAME_FRAME_M, _SAME_FRAME_RAD = 0.2, 0.15
 """A camera this near to the world is its origin: adjustments move it from there by as much, and none looks upwards."""
 
 _ROTATES = 1e-2  # entries of R^T R - 1: files have three digits or more
+_LARGEST_TURN = 4.0 * np.pi  # [rad]; a larger number is in degrees, or damaged
 _MOST_BYTES = 10_000_000
 _QUALISYS_PIXEL = 1.0 / 64.0
 
@@ -308,7 +309,10 @@ def _station(
     if len(rotation) == 9:
         R = rotation_of(rotation, f"{where}: rotation", _ROTATES)
     else:
-        R = exp_so3(numbers_of_shape(rotation, (3,), f"{where}: rotation"))
+        vector = numbers_of_shape(rotation, (3,), f"{where}: rotation")
+        if (angle := float(np.abs(vector).max())) > _LARGEST_TURN:
+            raise StaticCameraError(f"{where}: rotation: expected an axis times an angle in radians, not {angle:g}")
+        R = exp_so3(vector)
     t = numbers_of_shape(translation, (3,), f"{where}: translation")
     if not name or not name.isprintable():
         raise StaticCameraError(f"{where}: has no name")

@@ -11,6 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from bodycam_ros.files.shown import shown
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.results.body_motion import interpolated
 from bodycam_ros.results.solved_body import GAP_FRAMES
@@ -23,6 +24,8 @@ MOST_BYTES = 1_000_000_000
 Y_UP_TO_Z_UP: Array = exp_so3(np.array([np.pi / 2.0, 0.0, 0.0]))
 """Rotation (3, 3) from a world with y up to one with z up; x stays."""
 
+_FARTHEST = 1e9  # in any unit
+_LATEST_S = 9e9  # stamps are nanoseconds in 64 bits
 _RATE_DIFFERS = 0.02
 _WHOLE = 0.999  # least weight of the known frames under a Gaussian
 _MAX_GAP_FRAMES, _MAX_GAP_S = 2.5, 0.1  # points are interpolated between frames no further apart than the greater
@@ -40,6 +43,9 @@ class CapturedMotion:
         rotations: name -> (K, 3, 3) of a bone's axes in the world; of some points, or of none.
         parents: name -> its parent bone, if the file has it.
         has_unit: whether lengths are metres; otherwise their unit is unknown.
+
+    Raises:
+        ValueError: a point is farther away than on any recording, or a rotation is none.
     """
 
     path: Path
@@ -49,6 +55,14 @@ class CapturedMotion:
     rotations: Mapping[str, Array] = field(default_factory=dict)
     parents: Mapping[str, str] = field(default_factory=dict)
     has_unit: bool = True
+
+    def __post_init__(self) -> None:
+        for name, points in self.points.items():
+            if (np.abs(points) > _FARTHEST).any():
+                raise ValueError(f"{shown(name)} is at {shown(float(np.nanmax(np.abs(points))))}, which is no place")
+        for name, rotations in self.rotations.items():
+            if not np.isfinite(rotations).all():
+                raise ValueError(f"{shown(name)} has a rotation of numbers that are none, or too large")
 
     @property
     def frame_ns(self) -> float:
@@ -143,7 +157,8 @@ def own_times(path: Path, times: Array | NDArray[np.int64]) -> NDArray[np.bool_]
 
     Simulations write their last state twice, and trackers a pose that they found anew.
     """
-    own: NDArray[np.bool_] = np.diff(times, prepend=times[:1] - 1) != 0
+    own = np.ones(len(times), bool)
+    own[1:] = times[1:] != times[:-1]
     if not own.all():
         logger.warning(
             "%s: %d of its %d rows have the time of the row before, the first of them row %d; they are left out",
@@ -159,10 +174,12 @@ def checked_stamps(seconds: Array) -> NDArray[np.int64]:
     """Stamps (K,) [ns] of times (K,) [s].
 
     Raises:
-        ValueError: there are fewer than two, or they do not increase.
+        ValueError: there are fewer than two, they do not increase, or no clock has them.
     """
     if len(seconds) < 2 or not np.isfinite(seconds).all():
         raise ValueError("expected two frames or more, each with its time")
+    if (latest := float(np.abs(seconds).max())) > _LATEST_S:
+        raise ValueError(f"a time of {latest:g} s is none of a recording")
     stamps_ns = np.rint(1e9 * seconds).astype(np.int64)
     if not (np.diff(stamps_ns) > 0).all():
         frame = int(np.argmin(np.diff(stamps_ns) > 0)) + 2

@@ -9,6 +9,7 @@ import numpy as np
 from bodycam_ros.boards.board import read_board
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.calibration.rig import Rig
+from bodycam_ros.errors import RecordingError
 from bodycam_ros.geometry import Array
 from bodycam_ros.mapping.photographs import BOARD_FILE
 from bodycam_ros.progress import Progress
@@ -90,8 +91,10 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
     """Make all checks that the input allows.
 
     Raises:
-        BodycamError: recording, map, body, rig or board cannot be read.
+        BodycamError: recording, map, body, rig or board cannot be read, or something is given that the recording has no
+            use for.
     """
+    _check_given(given)
     reference_map = None if given.map is None else ReferenceMap.load(given.map)
     rig = None if given.rig is None else Rig.from_yaml(given.rig)
     mounts = None if given.body is None else tuple(read_body(given.body).mounts)
@@ -144,6 +147,16 @@ def examine(given: DoctorInput, jobs: int, progress: Progress) -> list[Finding]:
             findings += check_exercise(registered, rig)
             findings += check_rig(registered, rig)
     return findings
+
+
+def _check_given(given: DoctorInput) -> None:
+    """Refuse what would change nothing."""
+    if given.is_bag and (given.lenses is not None or given.rate is not None):
+        raise RecordingError(
+            "--lenses and --rate are for videos and images; a bag has its lenses and times: remove them"
+        )
+    if not given.is_bag and given.names != AS_RECORDED:
+        raise RecordingError("--prefix and --topics are for bags; videos have the names of their files: remove them")
 
 
 def is_judged_by(findings: Sequence[Finding], check: str) -> bool:

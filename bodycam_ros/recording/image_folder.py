@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 
 import av
@@ -18,7 +19,9 @@ from bodycam_ros.recording.video_file import FileFacts
 IMAGE_SUFFIXES = frozenset({".jpg", ".jpeg", ".png"})
 """Files that ``sensor_msgs/CompressedImage`` takes as they are."""
 
-_STAMP_DIGITS = 16  # a file's name of as many digits or more is a stamp in nanoseconds
+_STAMP_DIGITS = 16  # a file's name of as many digits or more may be a stamp in nanoseconds
+_LATEST_NS = (1 << 63) - 1
+_SHORTEST_NS = 100_000  # between images: numbers that differ by less are no nanoseconds, but as the digits of a date
 
 
 @dataclass(frozen=True)
@@ -42,13 +45,16 @@ class ImageFolder:
         """Images named by stamps in nanoseconds, or in the order of their names at a rate.
 
         Raises:
-            RecordingError: an image cannot be read, or there is neither a rate nor a stamp in each name.
+            RecordingError: an image cannot be read, two have one stamp, or there is neither a rate nor a stamp in each
+                name.
         """
-        stems = [path.stem for path in paths]
-        if all(stem.isdecimal() and len(stem) >= _STAMP_DIGITS for stem in stems):
-            stamps = np.array([int(stem) for stem in stems], dtype=np.int64)
-            times_s = (stamps - stamps[0]) * 1e-9
-            created: datetime | None = datetime.fromtimestamp(1e-9 * int(stamps[0]), UTC)
+        if stamps := _stamps_ns(paths):
+            paths = sorted(paths, key=stamps.__getitem__)
+            for image, later in pairwise(paths):
+                if stamps[image] == stamps[later]:
+                    raise RecordingError(f"{image} and {later.name} have the same stamp; remove one of them")
+            times_s = 1e-9 * np.array([stamps[path] - stamps[paths[0]] for path in paths])
+            created: datetime | None = datetime.fromtimestamp(1e-9 * stamps[paths[0]], UTC)
         elif rate_hz is not None:
             times_s, created = np.arange(len(paths)) / rate_hz, None
         else:
@@ -80,3 +86,13 @@ class ImageFolder:
     def sound(self) -> Iterator[SoundBlock]:
         """None: images have no sound."""
         return iter(())
+
+
+def _stamps_ns(paths: Sequence[Path]) -> dict[Path, int]:
+    """The stamp of each image by its name [ns]; empty where names are none."""
+    if not all(path.stem.isdecimal() and len(path.stem) >= _STAMP_DIGITS for path in paths):
+        return {}
+    stamps = {path: int(path.stem) for path in paths}
+    first, last = min(stamps.values()), max(stamps.values())
+    is_too_fast = last > first and last - first < _SHORTEST_NS * (len(set(stamps.values())) - 1)
+    return {} if last > _LATEST_NS or is_too_fast else stamps

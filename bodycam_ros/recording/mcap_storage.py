@@ -63,8 +63,9 @@ class McapStorage:
         self._writer.add_message(self._channels[connection.id], timestamp, bytes(data), timestamp)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Append a metadata record."""
-        self._writer.add_metadata(name, dict(values))
+        """Append a metadata record; bytes of a file's name that are no text become escapes."""
+        texts = {key: value.encode(errors="backslashreplace").decode() for key, value in values.items()}
+        self._writer.add_metadata(name, texts)
 
     def attach(self, name: str, media_type: str, content: bytes, log_time_ns: int) -> None:
         """Append an attachment, logged at a time [ns]."""

@@ -68,9 +68,28 @@ class FirstPass:
             RecordingError: there is no such stretch.
         """
         if not 0 <= number < self.count:
-            raise RecordingError(f"there is no stretch {number + 1}: the first pass has {self.count}")
+            raise RecordingError(
+                f"there is no stretch {number + 1}: the recording has {self.count}, of half a minute or more; ask for "
+                "no more ('stretches' of a study)"
+            )
         blocks = len(self.bounds_ns) - 1
         return self.bounds_ns[number * blocks // self.count], self.bounds_ns[(number + 1) * blocks // self.count]
+
+    def check_recording(self, path: Path, first_stamp_ns: int) -> None:
+        """Refuse another recording than the one that this was made of.
+
+        Args:
+            path: its bag.
+            first_stamp_ns: stamp of its first image [ns].
+
+        Raises:
+            RecordingError: its name or first image is another.
+        """
+        if self.recording != (path.resolve().name, first_stamp_ns):
+            raise RecordingError(
+                f"{path}: its first pass was made of {self.recording[0]}, whose first image has the stamp "
+                f"{self.recording[1]} ns, here {first_stamp_ns}; make it again with 'bodycam replay first'"
+            )
 
     def write(self, path: Path) -> None:
         """Write the file.

@@ -33,7 +33,7 @@ from bodycam_ros.replaying.replay_record import StretchRecord
 from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.replaying.stretch_file import read_stretch
-from bodycam_ros.results.provenance import BODY, BODY_FILE, MAP, RECORDING, SETTINGS
+from bodycam_ros.results.provenance import BODY, BODY_FILE, MAP, RECORDING, SETTINGS, body_record
 
 _BAG = "rosbag2_bagfile_information"
 _SAME = (BODY, MAP, RECORDING, SETTINGS)
@@ -48,7 +48,8 @@ def merge_stretches(request: ReplayRequest, first: FirstPass, parts: Sequence[Pa
         parts: their bags, in any order.
 
     Raises:
-        RecordingError: a stretch is missing, there twice, damaged, or was solved of other inputs than the others.
+        RecordingError: a stretch is missing, there twice, damaged, or was solved of other inputs than the others; or it
+            was with another body or recording.
         MapError: nothing was solved in any of them.
         OutputError: the bag cannot be written.
     """
@@ -57,8 +58,11 @@ def merge_stretches(request: ReplayRequest, first: FirstPass, parts: Sequence[Pa
     _check(first, stretches, records)
     ordered = [stretch for stretch, _ in stretches]
     body = read_body(request.body)
+    if body_record(body) != records[stretches[0][1]].metadata.get(BODY):
+        raise RecordingError(f"{stretches[0][1]}: was solved with another body than {request.body}; give that body")
     with open_recording(request.recording, request.names) as recording:
         mounted = [camera for camera in recording.cameras if camera in body.mounts]
+        first.check_recording(request.recording, recording.first_stamp_ns)
         cameras = {camera: recording.camera_model(camera) for camera in mounted}
         not_read = _not_read(recording, mounted, ordered, first)
         clock_sigma_s = max(map(recording.clock_sigma, recording.cameras))

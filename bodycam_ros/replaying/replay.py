@@ -99,6 +99,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         window_ns, left_out = published_window(recording, mounted or recording.cameras, request.span, solves_all)
         solved_ns, published_ns = window_ns, _ALL_NS
         if first is not None:
+            first.check_recording(request.recording, recording.first_stamp_ns)
             solved_ns, window_ns = _stretch_windows(first, request)
             published_ns = solved_ns
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -26,6 +27,7 @@ _STATE = ".snakemake"
 _MAX_HASHED = 4_000_000  # [bytes] larger inputs hold images; their time of change identifies them
 _MAX_CLEANUP_S = 60.0  # a replay needs two seconds to clean up after an interruption
 _OWN = Path(__file__).parent
+_PROFILE = re.compile(r"(profile|config)(\.v\d+\+)?\.yaml")  # as Snakemake has them
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,8 @@ class Engine:
     def __init__(self, graph: StepGraph, needs: StepNeeds, cores: int, profile: str | None) -> None:
         self._graph = graph
         self._needs = needs
-        self._where = ("--cores", str(cores)) if profile is None else ("--profile", find_profile(profile))
+        where = ("none", "--cores", str(cores)) if profile is None else (find_profile(profile),)
+        self._where = ("--profile", *where)  # always one, as a variable of the user's may name another
 
     def steps_to_run(self) -> list[Step]:
         """Steps whose command, inputs or software changed or output is missing, and those that read their outputs.
@@ -96,6 +99,7 @@ class Engine:
             (self._graph.folder / NOTES).mkdir(exist_ok=True)
         self._graph.write(self._graph.folder / graph, self._needs)
         self._graph.write_scripts()
+        self._graph.remove_logs(planned)
         rules: dict[int, Step] = {}
         started: dict[Step, float] = {}
         failed: dict[Step, str] = {}
@@ -112,20 +116,27 @@ class Engine:
                 seconds = self._graph.seconds(step)
                 yield StepEnd(step, time.monotonic() - started[step] if seconds is None else seconds, None)
             if kind == "job_error" and (step := rules.get(event["jobid"])):
-                failed[step] = self._graph.failure(step, _told(event))
+                failed[step] = self._graph.failure(step, _cluster_cause(event))
                 yield StepEnd(step, time.monotonic() - started[step], failed[step])
         yield from self._not_run(open_steps, failed)
 
     def _not_run(self, open_steps: dict[Step, None], failed: dict[Step, str]) -> Iterator[StepEnd]:
-        """The ends of those that wait for one that failed."""
+        """The ends of those that wait for one that failed.
+
+        Raises:
+            StudyError: another did not run either.
+        """
         first = {step.output: step for step in failed}
         for step in open_steps:
-            if step not in failed and (cause := next((first[path] for path in step.inputs if path in first), None)):
-                first[step.output] = cause
-                yield StepEnd(step, 0.0, f"not run, because step '{cause.name}' failed")
+            if step in failed:
+                continue
+            if (cause := next((first[path] for path in step.inputs if path in first), None)) is None:
+                raise self._failed(f"it ended before step '{step.name}'")
+            first[step.output] = cause
+            yield StepEnd(step, 0.0, f"not run, because step '{cause.name}' failed")
 
     def _events(self, graph: Path, more: Sequence[str], lock: Path | None) -> Iterator[dict[str, Any]]:
-        """Run Snakemake, and give what it tells; an interruption ends it and all that it has started.
+        """Run Snakemake, and yield its events; an interruption ends it and all that it has started.
 
         Args:
             graph: from the folder of results on.
@@ -136,62 +147,91 @@ class Engine:
             raise StudyError(f"'bodycam run' and 'bodycam study' need Snakemake, which is not installed: {INSTALL}")
         reading, writing = os.pipe()
         command = [
-            *(sys.executable, "-m", "bodycam_ros.study.engine_process", str(writing)),
+            *(sys.executable, "-P", "-m", "bodycam_ros.study.engine_process", str(writing)),
             *("--snakefile", str(_OWN / "steps.smk"), "--directory", str(self._graph.folder)),
             *("--config", f"graph={graph}", "--workflow-profile", "none", *self._where),
             *("--rerun-triggers", "mtime", "params", "input", "--max-checksum-file-size", str(_MAX_HASHED)),
             # Ours is released by the system. Nothing that our commands leave is incomplete.
             *("--nolock", "--keep-going", "--keep-incomplete", "--rerun-incomplete", "--scheduler", "greedy", *more),
         ]
-        told = dict(os.environ) if lock is None else {**os.environ, VARIABLE: str(lock)}
-        # In a session of its own: a terminal's Ctrl-C reaches it through us, once.
-        with self._output(lock) as output:
-            process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                pass_fds=(writing,),
-                env=told,
-                start_new_session=True,
-            )
-        os.close(writing)
+        environment = dict(os.environ) if lock is None else {**os.environ, VARIABLE: str(lock)}
+        if not _has_cache():
+            environment["XDG_CACHE_HOME"] = str(self._graph.folder / _STATE / "cache")
         has_failed, problem = False, ""
-        with open(reading, encoding="utf-8") as pipe, _ended(process):
-            for line in pipe:
-                event = json.loads(line)
-                if event["event"] == "error":
-                    problem = event["text"]
-                    continue
-                has_failed |= event["event"] == "job_error"
-                yield event
-            code = process.wait()
-            if code and not has_failed:
-                raise StudyError(f"{self._graph.folder}: the engine (Snakemake) failed: {problem or f'code {code}'}")
+        with open(reading, encoding="utf-8") as pipe, self._output(lock) as output:
+            # In a session of its own: a terminal's Ctrl-C reaches it through us, once.
+            try:
+                process = subprocess.Popen(
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=output,
+                    pass_fds=(writing,),
+                    env=environment,
+                    start_new_session=True,
+                )
+            finally:
+                os.close(writing)
+            with _ended(process):
+                for line in pipe:
+                    event = json.loads(line)
+                    if event["event"] == "error":
+                        problem = event["text"]
+                        continue
+                    has_failed |= event["event"] == "job_error"
+                    yield event
+                code = process.wait()
+                if code and (code < 0 or not has_failed):
+                    raise self._failed(_cause(problem) or _last_line(output) or f"code {code}")
+
+    def _failed(self, cause: str) -> StudyError:
+        return StudyError(f"{self._graph.folder}: the engine (Snakemake) failed: {cause}")
 
     @contextmanager
-    def _output(self, lock: Path | None) -> Iterator[IO[bytes] | int | None]:
-        """Where Snakemake prints to: nowhere while it plans, else to a file, or to the terminal as the steps do."""
+    def _output(self, lock: Path | None) -> Iterator[IO[bytes] | None]:
+        """Where Snakemake prints to: a file, which is kept unless it plans, or the terminal as the steps do."""
         if lock is None:
-            yield subprocess.DEVNULL
+            with tempfile.TemporaryFile() as file:
+                yield file
         elif not self._graph.is_logged:
             yield None
         else:
             with failure_named(self._log):
                 self._log.parent.mkdir(exist_ok=True)
-                file = self._log.open("wb")
-            with file:
-                yield file
+                log = self._log.open("w+b")
+            with log:
+                yield log
 
     @property
     def _log(self) -> Path:
         return self._graph.folder / "logs" / "engine.log"
 
 
-def _told(error: dict[str, Any]) -> str:
-    """What a cluster says about a job that failed, and where it says more; nothing of one on this machine."""
-    first, _, _ = (error["rule_msg"] or "").partition(". ")
-    return f"{first}; what the cluster printed is in {error['log'][-1]}" if first and error["log"] else first
+def _cause(problem: str) -> str:
+    """An error of the engine; of a traceback its last line."""
+    text = problem.strip()
+    return text.splitlines()[-1] if text.startswith("Traceback") else text
+
+
+def _last_line(file: IO[bytes] | None) -> str:
+    """The last line of what was printed to a file."""
+    if file is None:
+        return ""
+    file.seek(0)
+    return (file.read().decode(errors="replace").strip().splitlines() or [""])[-1]
+
+
+def _has_cache() -> bool:
+    """Whether there is a folder for Snakemake's cache, or may be made: in some containers there is no home."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    return os.access(next(folder for folder in (cache, *cache.parents) if folder.exists()), os.W_OK)
+
+
+def _cluster_cause(error: dict[str, Any]) -> str:
+    """Why a job failed on a cluster, and the file with more; empty for a job on this machine."""
+    first = " ".join((error["rule_msg"] or "").partition("For further error details")[0].split()).rstrip(".")
+    of_cluster = error["log"][1:]  # the first is that of the step
+    return f"{first}; what the cluster printed is in {of_cluster[-1]}" if first and of_cluster else first
 
 
 @contextmanager
@@ -225,13 +265,15 @@ def find_profile(name: str) -> str:
     Raises:
         StudyError: there is none.
     """
-    if Path(name).exists():
-        return str(Path(name).absolute())
-    places = [Path(os.environ.get("XDG_CONFIG_HOME", Path.home() / ".config"), "snakemake"), Path("/etc/xdg/snakemake")]
-    for folder in (*places, _OWN / "profiles"):
-        if (folder / name).is_dir():
-            return str(folder / name)
+    places = [
+        Path(os.environ.get("XDG_CONFIG_HOME") or os.path.expanduser("~/.config"), "snakemake"),
+        Path("/etc/xdg/snakemake"),
+    ]
+    for folder in (Path(), *places, _OWN / "profiles"):
+        if any(_PROFILE.fullmatch(file.name) for file in (folder / name).glob("*.yaml")):
+            return str((folder / name).absolute())
     own = ", ".join(sorted(path.name for path in (_OWN / "profiles").iterdir()))
     raise StudyError(
-        f"--profile {name}: is no folder, no profile of yours ({places[0]}/{name}/config.yaml) and none of ours ({own})"
+        f"--profile {name}: is no folder with a config.yaml, no profile of yours ({places[0]}/{name}/config.yaml) and "
+        f"none of ours ({own})"
     )

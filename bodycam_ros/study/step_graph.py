@@ -14,19 +14,20 @@ import sys
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from urllib.parse import quote
 
 import msgspec
 
 from bodycam_ros import __version__
-from bodycam_ros.files.whole_file import write_whole
+from bodycam_ros.files.whole_file import failure_named, write_whole
 from bodycam_ros.results.verdict import WRONG_RESULT
+from bodycam_ros.study.input_files import files_in
 from bodycam_ros.study.step_needs import StepNeeds
 from bodycam_ros.study.study import Step
 
 NOTES = "steps"
 _NOT_PLAIN = re.compile(r"\W+")
 _NO_BRACES = str.maketrans("{}", "()")
+_MAX_NAME = 50  # characters, of four bytes each at most; a file's name has 255 bytes
 _ERROR = "bodycam: error: "
 _MAX_LOG_TAIL = 20_000  # [bytes]
 
@@ -75,7 +76,8 @@ class StepGraph:
         self.folder = folder
         self.is_logged = is_logged
         self._rules = {
-            step.name: f"{_NOT_PLAIN.sub('_', step.name)}_{number}" for number, step in enumerate(self.steps)
+            step.name: f"{_NOT_PLAIN.sub('_', step.name)[:_MAX_NAME]}_{number}"
+            for number, step in enumerate(self.steps)
         }
         self.by_rule = {self._rules[step.name]: step for step in self.steps}
         self._makers = {step.output: step for step in self.steps}
@@ -86,9 +88,25 @@ class StepGraph:
         write_whole(path, msgspec.json.format(msgspec.json.encode(graph)))
 
     def write_scripts(self) -> None:
-        """Write what runs each step."""
-        for step in self.steps:
-            (self.folder / NOTES / f"{self._rules[step.name]}.sh").write_text(self._script(step))
+        """Write what runs each step.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        with failure_named(self.folder / NOTES):
+            for step in self.steps:
+                script = self.folder / NOTES / f"{self._rules[step.name]}.sh"
+                script.write_bytes(os.fsencode(self._script(step)))
+
+    def remove_logs(self, steps: Iterable[Step]) -> None:
+        """Remove what earlier runs of steps printed: of one that a cluster never starts it would be taken for its own.
+
+        Raises:
+            OutputError: a file cannot be removed.
+        """
+        for step in steps if self.is_logged else ():
+            with failure_named(self._log(step)):
+                self._log(step).unlink(missing_ok=True)
 
     def exit_code(self, step: Step) -> int:
         """Exit code of a step that is done: 0, or 3 for a result that should not be used."""
@@ -131,15 +149,15 @@ class StepGraph:
             if (maker := self._makers.get(path)) is not None:
                 inputs += [self._relative(self._note(maker, "receipt")), self._relative(maker.main_file)]
             else:
-                inputs += map(self._relative, _files_of(path))
-        # To the engine braces are a pattern: such files count as a part of the state.
-        braced = [path for path in inputs if "{" in path or "}" in path]
+                inputs += map(self._relative, files_in(path))
+        # To the engine braces are a pattern, and JSON is UTF-8: such files count as a part of the state.
+        unnamed = [path for path in inputs if not _is_nameable(path)]
         state = [__version__, *(part for part in step.parts if isinstance(part, str))]
-        state += [f"{path} {_time_of(self.folder / path)}" for path in braced]
+        state += [f"{ascii(path)} {_time_of(self.folder / path)}" for path in unnamed]
         need = needs.of(step)
         return GraphStep(
             rule=self._rules[step.name],
-            inputs=[path for path in inputs if path not in braced],
+            inputs=[path for path in inputs if path not in unnamed],
             main_file=self._relative(step.main_file),
             receipt=self._relative(self._note(step, "receipt")),
             benchmark=self._relative(self._note(step, "tsv")),
@@ -157,17 +175,17 @@ class StepGraph:
             # Absolute: the engine runs it in the folder of results.
             return shlex.join(os.path.abspath(word) if isinstance(word, Path) else word for word in words)
 
-        command = quoted(sys.executable, "-m", "bodycam_ros.cli.main", *step.stage.split(), *step.parts[1:])
+        command = quoted(sys.executable, "-P", "-m", "bodycam_ros.cli.main", *step.stage.split(), *step.parts[1:])
         jobs = ' --jobs "$1"' if step.is_parallel else ""
-        log = quoted(self._log(step)) if self.is_logged else "/dev/stderr"
-        output = f" >{log} 2>&1" if self.is_logged else ""
+        log = quoted(self._log(step))
+        output, appended = (f" >{log} 2>&1", f" >>{log}") if self.is_logged else ("", " >&2")
         return f"""\
 trap : TERM  # it reaches the command as well, which this shell waits for while it cleans up
 code=0
 {command}{jobs} </dev/null{output} || code=$?
 if [ $code -ne 0 ] && [ $code -ne {WRONG_RESULT} ]; then
   if [ $code -gt 128 ]; then
-    echo "{_ERROR}was killed by signal $((code - 128)); if memory was short, use fewer --jobs" >>{log}
+    echo "{_ERROR}was killed by signal $((code - 128)); if memory was short, use fewer --jobs"{appended}
   fi
   rmdir {quoted(step.main_file.parent)} 2>/dev/null  # the engine has made it
   exit $code
@@ -185,17 +203,18 @@ echo "$code $(date +%s%N)" >{quoted(self._note(step, "receipt"))}
 
     def _file_name(self, step: Step) -> str:
         name, _, what = step.name.rpartition(": ")
-        return "_".join([*([quote(name)] if name else []), *what.split()])
+        plain = _NOT_PLAIN.sub("_", name)[:_MAX_NAME]
+        if plain != name:  # two may be the same then
+            plain += f"-{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+        return "_".join([*([plain] if name else []), *what.split()])
 
     def _relative(self, path: Path) -> str:
         return os.path.relpath(os.path.abspath(path), self.folder)
 
 
-def _files_of(path: Path) -> Iterable[Path]:
-    """A file, or all files in a folder, links followed."""
-    if not path.is_dir():
-        return [path]
-    return sorted(Path(root, name) for root, _, names in os.walk(path, followlinks=True) for name in names)
+def _is_nameable(path: str) -> bool:
+    """Whether the engine takes a path for that of one file."""
+    return "{" not in path and "}" not in path and path.isprintable()
 
 
 def _time_of(path: Path) -> int:

@@ -4,7 +4,6 @@ A cluster is asked for it. On this machine it counts the processors alone.
 """
 
 import math
-import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from pathlib import Path
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.recording.bag_file import METADATA
+from bodycam_ros.study.input_files import files_in
 from bodycam_ros.study.study import Step
 
 _IMAGE_BYTES = 10_000  # of a file that does not count its images: JPEG at 640 x 480 takes 13 kB, H.264 less or more
@@ -105,7 +105,7 @@ def count_photographs(path: Path) -> int:
 
 def count_images(path: Path) -> int:
     """Images of a recording by its bag's count, else by the size of its files."""
-    with suppress(RecordingError, KeyError, TypeError, ValueError):
+    with suppress(RecordingError, KeyError, TypeError, ValueError, AttributeError):  # the replay names what is wrong
         if (path / METADATA).is_file():
             bag = read_yaml(path / METADATA, "bag's metadata", RecordingError)
             topics = bag["rosbag2_bagfile_information"]["topics_with_message_count"]
@@ -117,5 +117,4 @@ def count_images(path: Path) -> int:
 
 def _sizes(path: Path) -> list[int]:
     """Sizes of a file, or of all files in a folder [bytes]."""
-    files = [Path(root, name) for root, _, names in os.walk(path) for name in names]
-    return [file.stat().st_size for file in files or [path]]
+    return [file.stat().st_size for file in files_in(path)]

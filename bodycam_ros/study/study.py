@@ -11,7 +11,6 @@ from bodycam_ros.recording.bag_file import METADATA, is_bag
 from bodycam_ros.replaying.first_pass import SAMPLED_SHARE
 
 _SERIAL = ("replay stretch", "replay merge", "evaluate", "export")  # commands that take one processor
-_PLAIN = str.maketrans("{}", "__")  # to the engine, braces in the name of an output are a pattern
 _BAGS = ("ingest", "replay", "replay stretch", "replay merge")
 _MAIN_FILES = {"map": "map.yaml", **dict.fromkeys(_BAGS, METADATA), "evaluate": "summary.json"}
 
@@ -34,8 +33,9 @@ def find_source(path: Path) -> Source | None:
     """The recording at a path; None if there is none, or it is hidden."""
     if not path.exists() or path.name.startswith("."):
         return None
-    name = path.stem if path.is_file() else path.name
-    name = name.translate(_PLAIN)
+    stem = path.stem if path.is_file() else path.name
+    # To the engine, braces in the name of an output are a pattern; and not every file has room for any character.
+    name = "".join("_" if each in "{}" or not each.isprintable() else each for each in stem)
     return Source(name, path, is_bag(path)) if is_bag(path) or path.is_dir() else None
 
 

@@ -148,6 +148,8 @@ class _StudyReader:
         below = len(parts) - 1 - wild[-1]
         found = False
         for path in sorted(fixed.glob(str(Path(*parts[wild[0] :])))):
+            if (lacking := _missing_target(path)) is not None:
+                self._refuse(key, f"{path} is a link to {lacking}, which does not exist")
             if (source_there := find_source(path)) is not None and not _is_result(path, fixed):
                 found = True
                 named = path.with_name(source_there.name).relative_to(fixed).parts
@@ -205,6 +207,12 @@ _WILDCARD = re.compile(r"[*?\[]")
 _NOT_PLAIN = re.compile(r"[^\w.-]+|^\.")
 
 
+def _missing_target(path: Path) -> str | None:
+    """Where a link leads if nothing is there, as without its disk; None of hidden links, as editors make them."""
+    is_broken = path.is_symlink() and not path.exists() and not path.name.startswith(".")
+    return os.readlink(path) if is_broken else None
+
+
 def _is_result(path: Path, within: Path) -> bool:
     """Whether a path lies in the folder of a study's results, or is one."""
     above = path.relative_to(within).parents
@@ -252,13 +260,17 @@ def read_recording_folder(path: Path) -> Study:
     """The study of a folder that is laid out as ``LAYOUT`` shows.
 
     Raises:
-        RecordingError: no folder, nothing in it that could be solved, or two takes of the same name.
+        RecordingError: no folder, nothing in it that could be solved, a link that leads nowhere, or two takes of the
+            same name.
     """
     if not path.is_dir():
         raise RecordingError(f"{path}: is no folder; expected one with\n{LAYOUT}")
     names = ("reference", "map", "rig.yaml", "body.yaml", "lenses", "settings.yaml", "equipment.yaml")
-    there = {name: path / name for name in names if (path / name).exists()}
     takes = sorted((path / "takes").iterdir()) if (path / "takes").is_dir() else []
+    for part in (*(path / name for name in (*names, "rom", "takes")), *takes):
+        if (lacking := _missing_target(part)) is not None:
+            raise RecordingError(f"{part}: is a link to {lacking}, which does not exist; mend the link or remove it")
+    there = {name: path / name for name in names if (path / name).exists()}
     sources = [source for take in takes if (source := find_source(take)) is not None]
     by_name: dict[str, Path] = {}
     for source in sources:

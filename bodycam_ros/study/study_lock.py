@@ -37,8 +37,10 @@ def study_lock(folder: Path) -> Iterator[Path]:
     try:
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
+        except BlockingIOError as error:
             raise StudyError(f"{folder}: another 'bodycam study' or 'bodycam run' is at work in it; wait") from error
+        except OSError:
+            pass  # some file systems have no locks
         yield path
     finally:
         os.close(descriptor)

@@ -125,7 +125,7 @@ def write_study_report(title: str, results: Sequence[RecordingResult], folder: P
     lines = csv.DictWriter(text, next(iter(rows.values()), {}), lineterminator="\n")
     lines.writeheader()
     lines.writerows({k: f"{v:.6g}" if isinstance(v, float) else v for k, v in row.items()} for row in rows.values())
-    with whole_files(folder) as unfinished:
+    with whole_files(folder, inside=True) as unfinished:
         page = render_page(title, [f"{count_verdicts(results)}."], sections)
         (unfinished / PAGE).write_text(page, encoding="utf-8")
         (unfinished / CSV).write_text(text.getvalue(), encoding="utf-8")

@@ -132,6 +132,17 @@ def test_what_cannot_be_read_is_an_error_with_its_name(
     assert f"bodycam: error: {missing}" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("flag", ["--rate", "--lenses", "--prefix"])
+def test_what_the_recording_has_no_use_for_is_refused(
+    capsys: pytest.CaptureFixture[str], tiny_bag: Path, tmp_path: Path, flag: str
+) -> None:
+    (tmp_path / "videos").mkdir()
+    recording = tmp_path / "videos" if flag == "--prefix" else tiny_bag
+    value = {"--rate": "30", "--lenses": str(tmp_path), "--prefix": "/anna"}[flag]
+    assert main(["doctor", str(recording), flag, value]) == 1
+    assert flag in capsys.readouterr().err
+
+
 def test_no_recording_is_an_error(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     assert main(["doctor", str(tmp_path / "nowhere")]) == 1
     assert "does not exist" in capsys.readouterr().err

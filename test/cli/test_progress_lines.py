@@ -17,7 +17,7 @@ def test_a_silent_step_is_named_every_few_seconds(
         time.sleep(0.3)
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) >= 2
-    assert set(lines) == {"bodycam: matching photographs: 25% after 0 s"}
+    assert {line.partition(" after ")[0] for line in lines} == {"bodycam: matching photographs: 25%"}
 
 
 def test_quick_work_prints_nothing(capsys: pytest.CaptureFixture[str]) -> None:

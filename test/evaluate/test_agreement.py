@@ -150,6 +150,14 @@ def test_what_is_another_motion_is_refused(recording: SolvedRecording, walk: Wal
         against(recording, late, shares_clock=True)
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_recording_too_short_for_a_clock_is_refused_without_a_warning_of_numpy(walk: Walk, tmp_path: Path) -> None:
+    short = read_solved(write_solved(some(walk, 0, 6), tmp_path / "short"))
+    path = write_trc(tmp_path / "short.trc", seconds(some(walk, 0, 6)), origins(some(walk, 0, 6)))
+    with naming(RecordingError, path):
+        against(short, path)
+
+
 def test_a_match_with_another_walk_is_doubted(recording: SolvedRecording, walk: Walk, tmp_path: Path) -> None:
     """The same steps, 1.3 times as fast."""
     for faster, doubts in ((1.0, 0), (1.3, 2)):

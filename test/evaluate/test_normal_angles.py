@@ -54,6 +54,7 @@ def test_a_table_is_read_and_interpolated(tmp_path: Path) -> None:
         (("knee,0,5,4", "knee,101,5,4"), ("line 3", "0 to 100")),
         (("knee,2,5,4", "knee,2,6,4"), ("line 3", "must increase")),
         (("knee,2,5,4",), ("one row", "knee")),
+        ((f"knee,{'1' * 140_000},5,4",), ("CSV",)),
         ((), ("no angle",)),
     ],
 )

@@ -148,6 +148,14 @@ TRC = "PathFileType\t4\t(X/Y/Z)\ta\nUnits\n{units}\nFrame#\tTime\t{names}\n\tX1\
         ),
         ("a.tum", "1e9999999 0 0 0 0 0 0 1\n", ("TUM",)),
         ("a.tum", "1 2 3", ("TUM", 8)),
+        ("a.tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1e200\n", ("TUM", "quaternion")),
+        ("a.tum", "0 0 0 0 0 0 0 1\n1 1e30 0 0 0 0 0 1\n", ("TUM", "1e+30")),
+        ("a.trc", TRC.format(units="mm", names="A\t\t", rows="1\t0\t1\t2\t3\n2\t1e300\t1\t2\t3"), ("1e+300",)),
+        (
+            "a.bvh",
+            "HIERARCHY\nROOT a\n{\nOFFSET 0 0 0\nCHANNELS 1 Xrotation\n}\nMOTION\nFrames: 2\nFrame Time: 0.1\n1\n1e308",
+            ("'a'",),
+        ),
         ("a.fbx", "", ()),
     ],
 )

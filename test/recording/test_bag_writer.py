@@ -60,7 +60,7 @@ def test_both_libraries_read_the_same_messages(tmp_path: Path) -> None:
 
 def test_a_bag_is_clean_and_carries_records_and_files(tmp_path: Path) -> None:
     with write_recording(tmp_path / "out") as writer:
-        writer.add_metadata("map", {"identity": "abc"})
+        writer.add_metadata("map", {"identity": "abc", "name": "hall\udcff"})
         for frame in range(40):  # several chunks
             noise = np.random.default_rng(frame).bytes(100_000).hex()
             writer.write("/noise", START_NS + frame, text_message(recorded_messages(), noise))
@@ -70,7 +70,7 @@ def test_a_bag_is_clean_and_carries_records_and_files(tmp_path: Path) -> None:
     file = tmp_path / "out" / "out.mcap"
     assert doctor(file) == []
     metadata, attachments = read_beside_messages(file)
-    assert metadata["map"] == {"identity": "abc"}
+    assert metadata["map"] == {"identity": "abc", "name": "hall\\udcff"}
     stored = yaml.safe_load(metadata["rosbag2"]["serialized_metadata"])
     document = yaml.safe_load((tmp_path / "out" / "metadata.yaml").read_text())
     assert stored == document["rosbag2_bagfile_information"]

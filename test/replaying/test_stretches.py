@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from helpers.altered_sample import write_altered_sample
+from helpers.naming import naming
 
 from benchmarks.loop_recording import loop_bag
 from bodycam_ros.cli.main import main
@@ -131,6 +132,11 @@ def test_three_commands_make_a_bag(sample: Path, tmp_path: Path, capfd: pytest.C
     assert "1 is there twice" in " ".join(capfd.readouterr().err.split()) and not Path(f"{out}2").exists()
     assert main(["replay", "merge", *inputs, "--first", first, out, "-o", f"{out}2"]) == 1
     assert "is not the bag of a stretch" in " ".join(capfd.readouterr().err.split())
+    other = tmp_path / "other.yaml"
+    other.write_text((sample / "body.yaml").read_text().replace("name: subject", "name: other"))
+    inputs_with_other = [*inputs, "--body", str(other)]
+    assert main(["replay", "merge", *inputs_with_other, "--first", first, part, "-o", f"{out}2"]) == 1
+    assert str(other) in " ".join(capfd.readouterr().err.split()) and not Path(f"{out}2").exists()
     assert main(["replay", "first", *inputs, "--stretches", "1", "-o", first]) == 1
     assert "--force" in capfd.readouterr().err
 
@@ -185,11 +191,13 @@ def test_a_process_that_is_killed_is_named(sample: Path, tmp_path: Path) -> None
 
     def kill_a_stretch() -> None:
         held: set[int] = set()
-        while not held:
+        deadline = time.monotonic() + 120.0
+        while not held and time.monotonic() < deadline:
             time.sleep(0.05)
             parts = list(tmp_path.glob("out/.bodycam.*/.bodycam.*/*"))
             held = {int(pid) for pid in os.listdir("/proc") if pid.isdigit() for each in parts if _holds(pid, each)}
-        os.kill(held.pop(), signal.SIGKILL)
+        for pid in list(held)[:1]:
+            os.kill(pid, signal.SIGKILL)
 
     killer = threading.Thread(target=kill_a_stretch)
     killer.start()
@@ -223,6 +231,18 @@ def test_a_first_pass_is_read_as_it_was_written(sample: Path, tmp_path: Path) ->
     first.write(tmp_path / "first.json")
     assert FirstPass.read(tmp_path / "first.json") == first
     assert json.loads((tmp_path / "first.json").read_text())["count"] == 1
+
+
+def test_a_first_pass_is_of_one_recording(sample: Path, tmp_path: Path) -> None:
+    first = FirstPass(("bag", 5), (0, 10), 1, 0, None, {}, {})
+    first.check_recording(tmp_path / "bag", 5)
+    for path, stamp_ns in ((tmp_path / "other", 5), (tmp_path / "bag", 6)):
+        with naming(RecordingError, path, "bag", stamp_ns):
+            first.check_recording(path, stamp_ns)
+    bag = write_altered_sample(sample, tmp_path / "bag")
+    asked = ReplayRequest(bag, sample / "map", sample / "body.yaml", tmp_path / "out")
+    with naming(RecordingError, bag):
+        replay(dataclasses.replace(asked, first=first, stretch=0))
 
 
 def test_blocks_are_none_too_short() -> None:

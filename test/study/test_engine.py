@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 from helpers.naming import naming
+from psutil import Process
 
 import bodycam_ros
 from bodycam_ros.errors import StudyError
 from bodycam_ros.study import engine as engine_module
 from bodycam_ros.study.engine import Engine, StepEnd, find_profile
+from bodycam_ros.study.input_files import files_in
 from bodycam_ros.study.step_graph import StepGraph
 from bodycam_ros.study.step_needs import StepNeeds, count_images, count_photographs
 from bodycam_ros.study.study import Step
@@ -79,14 +81,57 @@ def test_another_flag_or_a_missing_output_are_reasons_to_run(folder: Path) -> No
 
 
 @pytest.mark.long
-def test_an_input_with_braces_in_its_path_counts_as_any(folder: Path) -> None:
-    body = folder.parent / "{in}.yaml"
+@pytest.mark.parametrize("name", [b"{in}.yaml", b"in\xff.yaml"])
+def test_an_input_whose_path_the_engine_cannot_take_counts_as_any(folder: Path, name: bytes) -> None:
+    body = folder.parent / os.fsdecode(name)
     shutil.copy(folder.parent / "body.yaml", body)
     step = Step("walk: export urdf", ("export", body, "--to", "urdf", "-o", folder / "a.urdf"), folder / "a.urdf")
     assert [end.failure for end in run([step], folder)[1]] == [None]
     assert engine_of([step], folder).steps_to_run() == []
     body.write_text(body.read_text() + "# another\n")
     assert engine_of([step], folder).steps_to_run() == [step]
+
+
+@pytest.mark.long
+def test_names_as_long_as_a_file_may_have_and_a_readers_own_files_change_nothing(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    (elsewhere / "random.py").write_text("raise SystemExit('a file of the user')\n")
+    monkeypatch.chdir(elsewhere)
+    monkeypatch.setenv("SNAKEMAKE_PROFILE", "not_there")
+    name = "\u65e5" * 80  # 240 bytes
+    made = folder / f"{name}.urdf"
+    step = Step(f"{name}: export urdf", ("export", folder.parent / "body.yaml", "--to", "urdf", "-o", made), made)
+    assert [end.failure for end in run([step], folder)[1]] == [None]
+    assert engine_of([step], folder).steps_to_run() == []
+
+
+@pytest.mark.long
+def test_an_engine_that_is_killed_after_a_step_failed_is_named(folder: Path) -> None:
+    broken, made = folder.parent / "broken.yaml", folder / "broken.urdf"
+    broken.write_text("nonsense: true\n")
+    steps = [Step("a: export urdf", ("export", broken, "--to", "urdf", "-o", made), made), *steps_of(folder)]
+    engine = engine_of(steps, folder)
+    with study_lock(folder) as lock, naming(StudyError, folder):
+        for event in engine.run(engine.steps_to_run(), lock):
+            if isinstance(event, StepEnd) and event.failure:
+                (own,) = Process().children()
+                own.kill()
+
+
+def test_files_of_a_step_are_all_that_can_be_read_each_once(tmp_path: Path) -> None:
+    take, other = tmp_path / "take", tmp_path / "other"
+    for path in (take / "b" / "c.mp4", take / "a.mp4", other / "d.mp4"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    (take / "again").symlink_to(take)
+    (take / "b" / "again").symlink_to(take)
+    (take / "lens").symlink_to(other)
+    (take / "notes.txt").symlink_to(tmp_path / "nowhere")
+    os.mkfifo(take / "pipe")
+    assert files_in(take) == [take / "a.mp4", take / "b" / "c.mp4", take / "lens" / "d.mp4"]
+    assert files_in(take / "a.mp4") == [take / "a.mp4"] and files_in(tmp_path / "nowhere") == [tmp_path / "nowhere"]
 
 
 def test_what_was_changed_by_hand_is_never_replaced(folder: Path) -> None:
@@ -135,9 +180,14 @@ def test_a_profile_is_a_folder_the_users_own_or_ours(tmp_path: Path, monkeypatch
     assert "executor: slurm" in (ours / "config.yaml").read_text()
     own = tmp_path / "snakemake" / "slurm"
     own.mkdir(parents=True)
+    (own / "config.yaml").touch()
     assert find_profile("slurm") == str(own) and find_profile(str(ours)) == str(ours)
     with naming(StudyError, "nowhere", own.parent):
         find_profile("nowhere")
+    monkeypatch.chdir(tmp_path)
+    shutil.rmtree(own.parent)
+    (tmp_path / "slurm").mkdir()  # no profile
+    assert find_profile("slurm") == str(ours)
 
 
 def test_without_snakemake_it_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,6 +199,11 @@ def test_without_snakemake_it_is_named(folder: Path, monkeypatch: pytest.MonkeyP
 def test_needs_follow_from_the_images_of_what_a_step_was_made_of(sample: Path, tmp_path: Path) -> None:
     bag = sample / "sample" / "bag"
     assert count_images(bag) == 16 * 60 and count_photographs(sample / "reference") == 14
+    broken = tmp_path / "broken"
+    broken.mkdir()
+    information = "{topics_with_message_count: [{message_count: x, topic_metadata: {type: 3}}]}"
+    (broken / "metadata.yaml").write_text(f"rosbag2_bagfile_information: {information}")
+    assert count_images(broken) == 0
     videos, made = tmp_path / "videos", tmp_path / "bag"
     videos.mkdir()
     (videos / "head.mp4").touch()

@@ -1,5 +1,6 @@
 """The steps of a folder and of a study: the same commands, each understood, its inputs there or made before."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -121,6 +122,24 @@ def test_what_is_possible_is_done_and_what_is_missing_is_named(
 def test_a_take_with_braces_in_its_name_is_solved(tmp_path: Path) -> None:
     study = folder_with(tmp_path, "map/map.yaml", "body.yaml", "takes/walk {1}/metadata.yaml")
     assert [recording.name for recording in study.recordings] == ["walk _1_"]
+
+
+def test_names_of_takes_become_names_of_files_anywhere(tmp_path: Path) -> None:
+    take = os.fsdecode(b"takes/walk\xff\n1/metadata.yaml")
+    study = folder_with(tmp_path, "map/map.yaml", "body.yaml", take)
+    assert [recording.name for recording in study.recordings] == ["walk__1"]
+
+
+def test_a_link_to_a_disk_that_is_not_there_is_named(tmp_path: Path) -> None:
+    folder_with(tmp_path, *ALL)
+    (tmp_path / "takes" / ".#walk").symlink_to("anna@desk.1234")  # an editor's
+    assert len(read_recording_folder(tmp_path).recordings) == 2
+    (tmp_path / "takes" / "far").symlink_to("/nowhere/far")
+    with naming(RecordingError, tmp_path / "takes" / "far", "/nowhere/far"):
+        read_recording_folder(tmp_path)
+    (tmp_path / "study.yaml").write_text(STUDY)
+    with naming(StudyError, "recordings[0].path", tmp_path / "takes" / "far", "/nowhere/far"):
+        read_study(tmp_path / "study.yaml")
 
 
 def test_other_folders_are_refused(tmp_path: Path) -> None:
