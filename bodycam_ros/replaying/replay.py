@@ -161,6 +161,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             stations=stations,
             imus=imus,
             known_clocks=None if first is None or first.shared is None else KnownClocks(first.shared, first.clocks),
+            known_rotations=None if first is None else first.rotations,
         )
         # The states of the body, as soon as they are solved.
         writer = stack.enter_context(write_recording(request.output, request.force))
