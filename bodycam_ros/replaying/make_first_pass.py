@@ -54,7 +54,7 @@ def make_first_pass(
         RecordingError: a clock was set meanwhile, so that stretches would have a wrong time.
     """
     request.check_stretches()
-    request = request.in_stretches()
+    request = request.in_parts()
     body = read_body(request.body)
     with open_recording(request.recording, request.names) as recording:
         mounted = [camera for camera in recording.cameras if camera in body.mounts]

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
@@ -40,6 +40,7 @@ from bodycam_ros.replaying.extend import ExtensionRound, extend_map
 from bodycam_ros.replaying.first_pass import FirstPass
 from bodycam_ros.replaying.fresh_fronts import LEAD_NS
 from bodycam_ros.replaying.front_end import Worker, merged_results, start_workers
+from bodycam_ros.replaying.preview import preview_text, preview_windows
 from bodycam_ros.replaying.recorded_part import part_s, published_window
 from bodycam_ros.replaying.replay_output import ReplayOutput
 from bodycam_ros.replaying.replay_record import SolverOutcome
@@ -48,7 +49,7 @@ from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.replaying.stretch_file import STRETCH_FILE, stretch_bytes
 from bodycam_ros.replaying.worker_process import warm_up
-from bodycam_ros.results.provenance import source_remarks, write_sources
+from bodycam_ros.results.provenance import PREVIEW, RECORDING, source_remarks, write_sources
 from bodycam_ros.static_cameras.start_file import AUTO
 from bodycam_ros.timing.clock_estimator import KnownClocks
 
@@ -70,10 +71,13 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         BodycamError: anything that is wrong with the input, see the stages.
     """
     started = time.monotonic()
-    first = request.first
+    first, without = request.first, tuple[str, ...]()
     if first is not None:
         request.check_stretches()
-        request = request.in_stretches()
+        request = request.in_parts()
+    if request.preview:
+        request.check_preview()
+        without, request = request.left_out_of_parts, request.in_parts()
     if request.stretch is None:
         warm_up()
     settings = request.settings
@@ -101,6 +105,13 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         if first is not None:
             solved_ns, window_ns = _stretch_windows(first, request)
             published_ns = solved_ns
+        parts_ns: Sequence[tuple[int, int]] = (window_ns,)
+        summary.recorded_s = lasting_s = part_s(solved_ns, recording)
+        if request.preview:
+            parts_ns = preview_windows(_bounded(recording, mounted, window_ns), request.preview)
+            summary.preview = preview_text(parts_ns, lasting_s)
+            summary.recorded_s = sum(part_s(each_ns, recording) for each_ns in parts_ns)
+            lasting_s = part_s((parts_ns[0][0], parts_ns[-1][1]), recording)
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
         imus = read_imus(sensor_paths, mounted, request.names) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
@@ -114,13 +125,16 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             slim=request.slim,
             turns=camera_turns(body, imus),
             names=request.names,
-            windows_ns=(window_ns,),
+            windows_ns=tuple(parts_ns),
         )
         workers = list[Worker]()
         if first is not None:
             # A stretch begins with what the whole recording begins anew with there.
             anew_ns = tuple(stamp_ns for stamp_ns in first.anew_ns if stamp_ns > solved_ns[0])
             task = replace(task, anew_ns=anew_ns, shares_readouts=True)
+        if request.preview:
+            anew_ns = tuple(part_ns[0] for part_ns in parts_ns[1:])
+            task = replace(task, anew_ns=anew_ns, recorded_ahead_ns=recording.recorded_ahead_ns)
         if request.stretch is None:
             workers = stack.enter_context(start_workers(task, mounted, request.jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
@@ -166,9 +180,11 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         # The states of the body, as soon as they are solved.
         writer = stack.enter_context(write_recording(request.output, request.force))
         sources = request.sources(own, reference_map, recording.start_ns, recording.first_stamp_ns)
+        if summary.preview:
+            sources[RECORDING][PREVIEW] = summary.preview
         write_sources(writer, sources, own, recording.start_ns)
-        summary.notes = (*([f"{left_out}; --all solves these parts too"] if left_out else ()), *source_remarks(sources))
-        summary.recorded_s = part_s(solved_ns, recording)
+        cut = [f"{left_out}; --all solves these parts too"] if left_out else []
+        summary.notes = (*cut, *without, *source_remarks(sources))
         # The map is drawn once, at the beginning.
         drawn = None if request.stretch else reference_map
         clocks = skeleton.clocks
@@ -191,7 +207,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             skeleton,
             out,
             published_ns,
-            lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9)),
+            lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(lasting_s, 1e-9)),
         )
         if request.stretch is not None and first is not None:
             record = out.record(request.stretch, first.count, outcome)
@@ -262,6 +278,13 @@ def _solve(
         out.write_states(each for each in skeleton.flush() if _is_in(each.state.stamp_ns, published_ns))
     whole = within or SolverOutcome.of(skeleton)
     return whole if before is None else whole.since(before)
+
+
+def _bounded(recording: Recording, cameras: Collection[str], window_ns: tuple[int, int]) -> tuple[int, int]:
+    """The part of a window in which there are images of some cameras [ns]."""
+    spans_ns = list(recording.camera_spans(cameras).values()) or [window_ns]
+    begin_ns, end_ns = min(begin for begin, _ in spans_ns), max(end for _, end in spans_ns) + 1
+    return max(window_ns[0], begin_ns), min(window_ns[1], end_ns)
 
 
 def _log(log: CameraPoseLog, window_ns: tuple[int, int], matches: LandmarkMatches) -> None:
