@@ -17,6 +17,8 @@ EVERY_S = 20.0
 PARTS = 36
 """Parts at most, unless the user says so: what two cores solve in a minute."""
 
+_MARGIN_NS = 100_000_000  # three images of 30 Hz
+
 
 def preview_windows(window_ns: tuple[int, int], most: int) -> tuple[tuple[int, int], ...]:
     """First stamp of each part, and the stamp after its last [ns]: each in the middle of its share of a window.
@@ -31,6 +33,14 @@ def preview_windows(window_ns: tuple[int, int], most: int) -> tuple[tuple[int, i
     lasting_ns = min(round(1e9 * PART_S), end_ns - begin_ns)
     starts_ns = (begin_ns + round((number + 0.5) * share_ns - 0.5 * lasting_ns) for number in range(count))
     return tuple((start_ns, start_ns + lasting_ns) for start_ns in starts_ns)
+
+
+def with_margins(parts_ns: Sequence[tuple[int, int]]) -> tuple[tuple[int, int], ...]:
+    """Windows of the images that are needed for the states of some parts [ns].
+
+    The first images of cameras are less certain, and free-running ones are interpolated between two of their images.
+    """
+    return tuple((begin_ns - _MARGIN_NS, end_ns + _MARGIN_NS) for begin_ns, end_ns in parts_ns)
 
 
 def preview_text(parts_ns: Sequence[tuple[int, int]], lasting_s: float) -> str:

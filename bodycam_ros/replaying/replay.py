@@ -16,6 +16,7 @@ from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
+from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StaticCameraError
 from bodycam_ros.files.whole_file import scratch_folder
@@ -40,7 +41,7 @@ from bodycam_ros.replaying.extend import ExtensionRound, extend_map
 from bodycam_ros.replaying.first_pass import FirstPass
 from bodycam_ros.replaying.fresh_fronts import LEAD_NS
 from bodycam_ros.replaying.front_end import Worker, merged_results, start_workers
-from bodycam_ros.replaying.preview import preview_text, preview_windows
+from bodycam_ros.replaying.preview import preview_text, preview_windows, with_margins
 from bodycam_ros.replaying.recorded_part import part_s, published_window
 from bodycam_ros.replaying.replay_output import ReplayOutput
 from bodycam_ros.replaying.replay_record import SolverOutcome
@@ -106,11 +107,13 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             solved_ns, window_ns = _stretch_windows(first, request)
             published_ns = solved_ns
         parts_ns: Sequence[tuple[int, int]] = (window_ns,)
+        states_ns: Sequence[tuple[int, int]] = (published_ns,)
         summary.recorded_s = lasting_s = part_s(solved_ns, recording)
         if request.preview:
             parts_ns = preview_windows(_bounded(recording, mounted, window_ns), request.preview)
             summary.preview = preview_text(parts_ns, lasting_s)
             summary.recorded_s = sum(part_s(each_ns, recording) for each_ns in parts_ns)
+            states_ns, parts_ns = parts_ns, with_margins(parts_ns)
             lasting_s = part_s((parts_ns[0][0], parts_ns[-1][1]), recording)
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
         imus = read_imus(sensor_paths, mounted, request.names) if settings.inertial.enabled and mounted else {}
@@ -207,6 +210,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             skeleton,
             out,
             published_ns,
+            states_ns,
             lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(lasting_s, 1e-9)),
         )
         if request.stretch is not None and first is not None:
@@ -244,6 +248,7 @@ def _solve(
     skeleton: SkeletonPipeline,
     out: ReplayOutput,
     published_ns: tuple[int, int],
+    states_ns: Sequence[tuple[int, int]],
     on_image: Callable[[int], None],
 ) -> SolverOutcome:
     """Solve images in the order in which they were recorded, and write what is in the window that is published.
@@ -253,6 +258,7 @@ def _solve(
         skeleton: solves them.
         out: takes images and states.
         published_ns: first stamp of the window, and the stamp after its last [ns].
+        states_ns: the same of parts of the window, in which states are published.
         on_image: called with the stamp of each [ns].
 
     Returns:
@@ -261,6 +267,15 @@ def _solve(
     begin_ns, end_ns = published_ns
     before = within = None
     is_over = False
+    left_out = 0
+
+    def write(outputs: Iterable[BodyOutput]) -> None:
+        nonlocal left_out
+        wanted = [output for output in outputs if _is_in(output.state.stamp_ns, published_ns)]
+        published = [output for output in wanted if any(_is_in(output.state.stamp_ns, part) for part in states_ns)]
+        left_out += len(wanted) - len(published)
+        out.write_states(published)
+
     for item in items:
         if begin_ns <= item.stamp_ns < end_ns:
             before = before or SolverOutcome.of(skeleton)
@@ -270,14 +285,15 @@ def _solve(
             within = within or SolverOutcome.of(skeleton)
         if isinstance(item, (RegisteredImage, CameraImage)):
             states = skeleton.add(item.matches if isinstance(item, RegisteredImage) else item)
-            out.write_states(each for each in states if _is_in(each.state.stamp_ns, published_ns))
+            write(states)
             is_over = is_over or any(each.state.stamp_ns >= end_ns for each in states)
         if is_over and item.stamp_ns > end_ns + _LATE_NS:
             break
     else:
-        out.write_states(each for each in skeleton.flush() if _is_in(each.state.stamp_ns, published_ns))
+        write(skeleton.flush())
     whole = within or SolverOutcome.of(skeleton)
-    return whole if before is None else whole.since(before)
+    counted = whole if before is None else whole.since(before)
+    return replace(counted, frames=counted.frames - left_out)
 
 
 def _bounded(recording: Recording, cameras: Collection[str], window_ns: tuple[int, int]) -> tuple[int, int]:
