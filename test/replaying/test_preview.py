@@ -32,7 +32,9 @@ def test_parts_are_in_the_middle_of_equal_shares() -> None:
     assert preview_windows((5, 5 + SECOND_NS), 36) == ((5, 5 + SECOND_NS),)
 
 
-def test_a_preview_is_part_of_the_whole_and_says_so(sample: Path, tmp_path: Path) -> None:
+def test_a_preview_is_part_of_the_whole_and_says_so(
+    sample: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     short = write_altered_sample(sample, tmp_path / "short", cameras=LEG, frames=45)
     loop_bag(short, tmp_path / "bag", 40.0)
     asked = ReplayRequest(tmp_path / "bag", sample / "map", sample / "body.yaml", tmp_path / "preview", jobs=2)
@@ -48,6 +50,8 @@ def test_a_preview_is_part_of_the_whole_and_says_so(sample: Path, tmp_path: Path
     assert summary.verdict.level is Level.DOUBTFUL and "4.0 of 40.0 s, in 2 places" in summary.verdict.findings[0].what
     evaluation = evaluate(asked.output)
     assert "a preview: 4.0 of 40.0 s, in 2 places" in evaluation.made_from.lines
+    assert main(["export", str(asked.output), "--to", "csv", "-o", str(tmp_path / "motion.csv")]) == 0
+    assert "is a preview, not the result: 4.0 of 40.0 s" in caplog.text
     # The same time out of all of the recording.
     part = TimeSpan(8.0, 11.0)
     replay(dataclasses.replace(asked, output=tmp_path / "part", span=part))
