@@ -1,8 +1,8 @@
 """The live graph over a bad wire: python -m benchmarks.two_networks BAG --map MAP --body BODY.yaml.
 
 Two network namespaces of Linux stand for the worn computer (player, trackers) and the desk (registration, solver). The
-wire between them is a program: it passes each frame on after a delay, loses some, and goes for some seconds. Needs
-root, /dev/net/tun and ROS 2.
+wire between them is a program: it passes each frame on after a delay, loses some, and goes for some seconds while the
+recording is played. What is left is counted at each stage. Needs root, /dev/net/tun and ROS 2.
 """
 
 import argparse
@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from bodycam_ros.graph.declared_graph import READERS_OF_INFO, GraphArguments, GraphNode, graph
+from bodycam_ros.recording.bag_reader import open_recording
 
 _TUNSETIFF, _TAP, _NO_INFO = 0x400454CA, 0x0002, 0x1000
 _WORN, _DESK = "bodycam_worn", "bodycam_desk"
@@ -43,12 +44,16 @@ class Wire:
         loss: share of the frames that are lost, each way.
         delay_s: of the others.
         is_cut: nothing passes.
+        passed, lost, cut: frames that passed, were lost by chance, and came while nothing passed.
     """
 
     ends: tuple[int, int]
     loss: float
     delay_s: float
     is_cut: bool = False
+    passed: int = 0
+    lost: int = 0
+    cut: int = 0
     _over: threading.Event = field(default_factory=threading.Event)
 
     def carry(self) -> None:
@@ -61,7 +66,12 @@ class Wire:
             ready, _, _ = select.select(self.ends, (), (), max(0.0, min(0.1, due_s)))
             for end in ready:
                 frame = os.read(end, _FRAME)
-                if not self.is_cut and chance.random() >= self.loss:
+                if self.is_cut:
+                    self.cut += 1
+                elif chance.random() < self.loss:
+                    self.lost += 1
+                else:
+                    self.passed += 1
                     other = self.ends[self.ends[0] == end]
                     heapq.heappush(waiting, (time.monotonic() + self.delay_s, count := count + 1, other, frame))
             while waiting and waiting[0][0] <= time.monotonic():
@@ -126,36 +136,57 @@ def _start(where: str, *command: str, folder: Path, **more: int) -> "subprocess.
 
 
 def listen(cameras: Sequence[str]) -> None:
-    """Count what arrives at the desk until the standard input ends, and print it."""
+    """Count what arrives at the desk until the standard input ends, and print it; before, when the first tracks do."""
     import rclpy
 
     from bodycam_ros.nodes.parameters import message_class, reliable
 
     rclpy.init()
     node = rclpy.create_node("listener")
-    heard: dict[str, set[int]] = {}
-    topics = {"/joint_states": "sensor_msgs/msg/JointState"}
-    topics |= {f"/{camera}/tracks": "bodycam_msgs/msg/FeatureTracks" for camera in cameras}
+    stages = {"tracks": "bodycam_msgs/msg/FeatureTracks", "landmarks": "bodycam_msgs/msg/LandmarkMatches"}
+    topics = {f"/{camera}/{stage}": kind for camera in cameras for stage, kind in stages.items()}
+    topics["/joint_states"] = "sensor_msgs/msg/JointState"
+    heard = dict[str, set[int]]()
+    dropped = dict[str, int]()
     for topic, kind in topics.items():
         heard[topic] = set()
         node.create_subscription(message_class(kind), topic, partial(_note, heard[topic]), reliable(1000))
+    report = message_class("diagnostic_msgs/msg/DiagnosticArray")
+    node.create_subscription(report, "/diagnostics", partial(_note_dropped, dropped), reliable(1000))
     print("ready", flush=True)
     asked = threading.Event()
     threading.Thread(target=lambda: asked.set() if not sys.stdin.read() else None, daemon=True).start()
+    is_playing = False
     while not asked.is_set():
         rclpy.spin_once(node, timeout_sec=0.1)
+        if not is_playing and any(heard.values()):
+            is_playing = True
+            print("playing", flush=True)
     states = sorted(heard.pop("/joint_states"))
     gap_s = max((1e-9 * (after - before) for before, after in pairwise(states)), default=0.0)
-    tracks = sum(map(len, heard.values()))
-    print(json.dumps({"tracks": tracks, "states": len(states), "longest_gap_s": round(gap_s, 3)}), flush=True)
+    counts = {stage: sum(len(heard[f"/{camera}/{stage}"]) for camera in cameras) for stage in stages}
+    counts["states"] = len(states)
+    print(json.dumps({**counts, "longest_gap_s": round(gap_s, 3), "dropped": dropped}), flush=True)
 
 
 def _note(stamps_ns: set[int], message: Any) -> None:
     stamps_ns.add(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
 
 
-def play(arguments: argparse.Namespace, folder: Path, loss: float, delay_s: float, cut_s: float) -> dict[str, float]:
-    """Play a bag over a wire; what arrived."""
+def _note_dropped(counts: dict[str, int], message: Any) -> None:
+    """Keep the latest of each node's counts of what was lost or dropped, where it is not 0."""
+    for status in message.status:
+        for value in status.values:
+            if value.key.endswith((" lost", " dropped")) and value.value.isdecimal() and int(value.value):
+                counts[f"{status.name}: {value.key}"] = int(value.value)
+
+
+def play(arguments: argparse.Namespace, folder: Path, loss: float, delay_s: float, cut_s: float) -> dict[str, object]:
+    """Play a bag over a wire; what arrived, and what did not.
+
+    Raises:
+        SystemExit: nothing arrived, or the recording was over before the wire came back.
+    """
     given = GraphArguments(map=str(arguments.map), body=str(arguments.body), cameras=tuple(arguments.cameras))
     nodes = graph(given)
     source = GraphNode(
@@ -177,14 +208,23 @@ def play(arguments: argparse.Namespace, folder: Path, loss: float, delay_s: floa
                     _start(where, "bodycam_ros.nodes.start", node.executable, *node.arguments(), folder=folder)
                 )
             if cut_s:
+                ready, _, _ = select.select([listener.stdout], (), (), _START_S)
+                if not ready or listener.stdout.readline() != "playing\n":
+                    raise SystemExit(f"no tracks arrived within {_START_S:g} s; see {folder / 'log'}")
                 time.sleep(arguments.cut_after)
                 between.is_cut = True
                 time.sleep(cut_s)
                 between.is_cut = False
+                if started[-1].poll() is not None:
+                    raise SystemExit(
+                        f"{arguments.recording} was over before the wire came back, {arguments.cut_after + cut_s:g} s "
+                        "after the first tracks: give a longer one, or a smaller --rate"
+                    )
             started[-1].wait()
             time.sleep(_QUIET_S)
             told, _ = listener.communicate("", timeout=_START_S)
-            return dict(json.loads(told.splitlines()[-1]))
+            frames = {"passed": between.passed, "lost": between.lost, "cut": between.cut}
+            return dict(json.loads(told.splitlines()[-1])) | {"frames of the wire": frames}
         finally:
             for process in started:
                 process.kill()
@@ -199,9 +239,12 @@ def main() -> None:
     parser.add_argument("--body", type=Path)
     parser.add_argument("--cameras", nargs="+", default=["waist_front", "thigh_left", "shin_left"])
     parser.add_argument("--rate", type=float, default=0.2)
-    parser.add_argument("--cut-after", type=float, default=40.0, help="seconds after the start of the nodes")
+    parser.add_argument("--cut-after", type=float, default=5.0, help="seconds after the first tracks")
     parser.add_argument("--log", type=Path, default=Path("."), help="folder for what the nodes print")
     arguments = parser.parse_args()
+    with open_recording(arguments.recording) as recording:
+        images = sum(recording.image_count(camera) for camera in arguments.cameras)
+    print(f"{images} images of {len(arguments.cameras)} cameras", flush=True)
     for loss, delay_s, cut_s in ((0.0, 0.0, 0.0), (0.01, 0.0, 0.0), (0.05, 0.02, 0.0), (0.0, 0.02, 3.0)):
         arrived = play(arguments, arguments.log, loss, delay_s, cut_s)
         print(f"loses {loss:.0%}, takes {1e3 * delay_s:.0f} ms, gone for {cut_s:g} s: {arrived}", flush=True)

@@ -18,8 +18,9 @@ from bodycam_ros.cli.options import (
     pipeline_settings,
     topic_names,
 )
-from bodycam_ros.errors import StaticCameraError
+from bodycam_ros.errors import SettingsError, StaticCameraError
 from bodycam_ros.files.output_place import check_output
+from bodycam_ros.replaying.preview import PARTS
 from bodycam_ros.replaying.worker_process import warm_up
 
 if TYPE_CHECKING:
@@ -38,6 +39,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="solve a long recording in N stretches of half a minute or more, each in a process of its own, or 'auto': "
         "as many as --jobs. For a known map; on several computers 'bodycam replay first', 'stretch' and 'merge' do the "
         "same",
+    )
+    parser.add_argument(
+        "--preview",
+        type=number(int, 1, 10000),
+        nargs="?",
+        const=PARTS,
+        default=0,
+        metavar="N",
+        help="look at a long recording first: solve 2 s of every 20, or N such parts evenly over all of it, if that is "
+        f"less (default: {PARTS}, a minute with two cores). What is solved is as good as ever, but for clocks and "
+        "read-out times; the rest is missing, and OUT and its verdict say so",
     )
 
 
@@ -132,7 +144,9 @@ def run(arguments: argparse.Namespace) -> int:
     from bodycam_ros.replaying.replay import replay
     from bodycam_ros.replaying.stretches import replay_in_stretches
 
-    request = given_request(arguments)
+    request = replace(given_request(arguments), preview=arguments.preview)
+    if request.preview and arguments.stretches is not None:
+        raise SettingsError("--preview solves parts in one process, not in stretches; leave --stretches out")
     with shown_progress() as progress:
         if arguments.stretches is None:
             summary = replay(request, progress.show)

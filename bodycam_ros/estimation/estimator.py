@@ -72,6 +72,7 @@ class BodyEstimator:
         contact: whether resting feet are constrained.
         static_cameras: around the body.
         inertial: sensors in the cameras.
+        known_rotations: of the joints over the recording, see ``PosePrior``; None to estimate them while solving.
         on_progress: called with the finished share while a recording is solved as a whole.
 
     Attributes:
@@ -93,6 +94,7 @@ class BodyEstimator:
         contact: ContactSettings | None = None,
         static_cameras: StaticCameras | None = None,
         inertial: InertialSensors | None = None,
+        known_rotations: Mapping[str, Sequence[Sequence[float]]] | None = None,
         on_progress: Callable[[float], None] = lambda share: None,
     ) -> None:
         self._offline = offline
@@ -113,7 +115,7 @@ class BodyEstimator:
         self._tangent = TreeTangent(self.body, SLIDES_M)
         self._motion = MotionModel(self._tangent, motion or MotionSettings())
         coupled = coupling.joint_names if coupling else frozenset[str]()
-        self._prior = PosePrior(self.body, coupled)
+        self._prior = PosePrior(self.body, coupled, known_rotations)
         self._factors = StateFactors(self._tangent, coupled)
         self._gaps = FrameGaps()
         self._whole = WholeRecording(self._motion, self._factors, self._prior, on_progress)

@@ -7,7 +7,7 @@ by which the phases of a step differ: people move their limbs together. It is fi
 which the joint was observed, the near ones first (``RecordedPoses``).
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +42,15 @@ class PosePrior:
     Args:
         body: joints and their limits.
         excluded: names of joints that are no person's.
+        known: what ``joint_sums`` found of the recording, which nothing is added to; None to estimate while solving.
     """
 
-    def __init__(self, body: BodyModel, excluded: Collection[str] = frozenset[str]()) -> None:
+    def __init__(
+        self,
+        body: BodyModel,
+        excluded: Collection[str] = frozenset[str](),
+        known: Mapping[str, Sequence[Sequence[float]]] | None = None,
+    ) -> None:
         self._included = np.array([joint.name not in excluded for joint in body.tree_joints], bool)
         self._middle_R = JointLimits(body).middle()
         # Seconds, vectors and their squares, summed over the states in which each component was observed; at first
@@ -52,10 +58,27 @@ class PosePrior:
         rest = log_so3(np.swapaxes(self._middle_R, -1, -2)).ravel()
         spans = np.array([_spans(joint) for joint in body.tree_joints]).reshape(-1)
         self._assumed = FADE_S * np.stack([np.ones(len(rest)), rest, rest**2 + spans**2])
+        self._joints, self._is_known = [joint.name for joint in body.tree_joints], known is not None
         self._sums = np.zeros_like(self._assumed)
+        if known:
+            self._sums = np.hstack([known.get(name, np.zeros((3, 3))) for name in self._joints])
+
+    def joint_sums(self, rotations: Array, observed: Mask, dt_s: float) -> dict[str, Array]:
+        """Joint -> (3, 3) seconds, rotation vectors [rad] and their squares, summed over T states of ``dt_s`` each.
+
+        Args:
+            rotations: (T, J, 3, 3) of all joints.
+            observed: (T, J) whether both of a joint's segments were.
+            dt_s: how long each state lasts [s].
+        """
+        x = self.vectors(rotations).reshape(*observed.shape, 3)
+        sums = dt_s * np.einsum("tj,stji->jsi", observed, np.stack([np.ones_like(x), x, x**2]))
+        return dict(zip(self._joints, sums, strict=True))
 
     def add(self, rotations: Array, observed: Mask, dt_s: float) -> None:
         """Add joint rotations (J, 3, 3), of which some (J,) were observed for ``dt_s``."""
+        if self._is_known:
+            return
         x, lasts_s = self.vectors(rotations), dt_s * np.repeat(observed & self._included, 3)
         self._sums = np.exp(-dt_s / FORGET_S) * self._sums + lasts_s * np.stack([np.ones(len(x)), x, x**2])
 

@@ -12,12 +12,12 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.readout import Readout
 from bodycam_ros.errors import LensError
-from bodycam_ros.files.merged_lines import merge_lines
 from bodycam_ros.files.shown import printable
 from bodycam_ros.messages.factory import Message, stamp_ns
 from bodycam_ros.messages.images import INFO, INFO_TYPE, camera_model
 from bodycam_ros.messages.imu import IMU_TOPIC, IMU_TYPE, imu_row_of_cdr
 from bodycam_ros.messages.timing import TIMING, TIMING_TYPE, UNKNOWN_CLOCK, timing_message
+from bodycam_ros.nodes.gathered_lines import GatheredLines
 from bodycam_ros.nodes.parameters import best_effort, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
@@ -167,12 +167,7 @@ class CameraModels:
         on_info: Callable[[str, int], None] = lambda camera, stamp_ns: None,
         logs: bool = False,
     ) -> None:
-        self._log, self._logs = stage.log, logs
-        self._errors: list[str] = []
-        self._warnings: list[str] = []
-        self._found = 0
-        if logs:
-            stage.watch(self._log_lines)
+        self._lines = GatheredLines(stage) if logs else None
         self._on_change = on_change
         self._on_info = on_info
         self._contents: dict[str, tuple[Any, ...]] = {}
@@ -206,35 +201,24 @@ class CameraModels:
             if camera in self.models:
                 if camera not in self._warned:
                     self._warned.add(camera)
-                    self._warnings.append(f"{printable(str(error))}; the camera_info before it is used (reported once)")
+                    self._warn(f"{printable(str(error))}; the camera_info before it is used (reported once)")
                 return
             self._contents[camera] = content
             reason = printable(error.cause)
-            if reason != self.rejected.get(camera):
+            if reason != self.rejected.get(camera) and self._lines is not None:
                 line = f"camera {camera}: {reason}; the camera is not used until its driver sends a usable camera_info"
-                self._errors.append(line)
+                self._lines.errors.append(line)
             self.rejected[camera] = reason
         else:
             self.rejected.pop(camera, None)
             if before is not None:
                 self.changes += 1
-                self._warnings.append(f"camera {camera}: its camera_info has changed; restart")
-        if not self._logs:
-            self._errors, self._warnings = [], []
+                self._warn(f"camera {camera}: its camera_info has changed; restart")
         self._on_change(camera)
 
-    def _log_lines(self) -> None:
-        """Log what was found once nothing more is, a line for equal findings on several cameras."""
-        found, before = len(self._errors) + len(self._warnings), self._found
-        self._found = found
-        if found != before:
-            return  # cameras are discovered one after the other
-        # Two loops: rclpy allows one severity for each line of code.
-        for line in merge_lines(sorted(self._errors)):
-            self._log.error(line)
-        for line in merge_lines(sorted(self._warnings)):
-            self._log.warning(line)
-        self._errors, self._warnings, self._found = [], [], 0
+    def _warn(self, line: str) -> None:
+        if self._lines is not None:
+            self._lines.warnings.append(line)
 
 
 def subscribe_sensor(stage: Stage[Any], camera: str, receive: Callable[[int, tuple[float, ...]], object]) -> None:

@@ -26,6 +26,7 @@ from bodycam_ros.messages.tracks import (
     track_frame,
 )
 from bodycam_ros.nodes.camera_topics import CameraModels
+from bodycam_ros.nodes.gathered_lines import GatheredLines
 from bodycam_ros.nodes.moments import Moment
 from bodycam_ros.nodes.parameters import STAGE_DEPTH, latched, reliable
 from bodycam_ros.nodes.stage_node import Stage, StageNode
@@ -69,6 +70,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
         self._map_path = map_path
         self._other_maps: dict[str, MapIdentity] = {}  # of cameras whose tracks are another map's
         self._refused: set[str] = set()  # of these, the cameras with tracks since the last report
+        self._lines = GatheredLines(self)
         cameras = of.cameras or tuple(read_body(Path(self.required("body"))).mounts)
         # The map grows by frames from before the node became inactive, too.
         defer = partial(self.call_later, even_inactive=True)
@@ -238,7 +240,7 @@ class RegistrationStage(Stage[RegistrationParameters]):
             return False
         if self._other_maps.get(camera) != other:
             self._other_maps[camera] = other
-            self.log.error(f"camera {camera}: {self._other_map(other)}")
+            self._lines.errors.append(f"camera {camera}: {self._other_map(other)}")
         self._refused.add(camera)
         self.dropped.counts["tracks of another map"] += 1
         return True

@@ -140,15 +140,16 @@ class TrackerStage(Stage[TrackerParameters]):
         self.call_later(self._images.process_next)
 
     def _is_in_map(self, other: MapIdentity) -> bool:
-        """Whether the registration uses the tracker's map, or nothing says otherwise."""
-        before, self._map_error = self._map_error, ""
+        """Whether the registration uses the tracker's map, or nothing says otherwise.
+
+        The registration logs it, of all cameras in one line; here it is in the diagnostics.
+        """
+        self._map_error = ""
         if self._identity.contradicts(other):
             self._map_error = (
                 f"this tracker uses map {self.parameters.map} ({self._identity}), the registration map {other}: its "
                 "landmarks are refused; start both with the same map:=MAP"
             )
-            if not before:
-                self.log.error(f"camera {self.camera}: {self._map_error}")
         return not self._map_error
 
     def _read_sensor(self) -> ImuCalibration | None:

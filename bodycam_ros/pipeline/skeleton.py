@@ -6,7 +6,7 @@ What happens to one camera is in ``pipeline/camera_front.py``; ``SkeletonPipelin
 registrations.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body
@@ -42,6 +42,7 @@ class SkeletonPipeline:
         stations: their names.
         imus: camera -> samples of its inertial sensor, as far as they are there; others come by ``add_sample``.
         known_clocks: by a first pass over the recording; None to estimate them.
+        known_rotations: of the joints, likewise; see ``PosePrior``.
 
     Attributes:
         body: with the equipment, if any.
@@ -66,6 +67,7 @@ class SkeletonPipeline:
         stations: Collection[str] = (),
         imus: Mapping[str, ImuSamples] | None = None,
         known_clocks: KnownClocks | None = None,
+        known_rotations: Mapping[str, Sequence[Sequence[float]]] | None = None,
     ) -> None:
         if live:
             settings.estimator.check_live()
@@ -84,6 +86,7 @@ class SkeletonPipeline:
         self.inertial = InertialSensors(body, settings.inertial)
         for camera, samples in (imus or {}).items():
             self.inertial.add(camera, samples)
+        self._known_rotations = known_rotations
         self._counts = SolverCounts()
         self._begin()
 
@@ -102,6 +105,7 @@ class SkeletonPipeline:
             contact=of.contact,
             static_cameras=self._static_cameras,
             inertial=self.inertial,
+            known_rotations=self._known_rotations,
             on_progress=self._on_together,
         )
         self._angle_tracker = JointAngleTracker(self.body)

@@ -21,6 +21,7 @@ _RECENT = 256  # registrations of a camera that wait for a state: some seconds a
 _MAX_ROWS = 3000  # of a longer recording every second state is dropped, repeatedly
 _MAX_STEP_NS = 150_000_000  # between two registrations; limbs move straight for no longer
 _JUMP_NS = 1_000_000_000  # back in time, which restarts the log; a smaller step is an image out of order
+_PAUSE_NS = 1_000_000_000  # without an image of any camera
 _LENS_INTERVAL, _FIRST_LENS_INTERVAL = 10, 3  # of the images that check the lens: neighbours show the same landmarks
 _MIN_LENS_IMAGES = 3  # a single view may show landmarks that are off together
 
@@ -35,6 +36,7 @@ class CameraCount:
         first_registered_ns, last_registered_ns: stamps of the first and the last with a pose [ns]; 0 without any.
         blind_ns: longest time between two with a pose [ns].
         blind_until_ns: end of that time [ns].
+        paused_until_ns: stamp at which all cameras went on after a pause, in which none was blind [ns]; 0 without one.
     """
 
     first_ns: int
@@ -45,6 +47,7 @@ class CameraCount:
     last_registered_ns: int = 0
     blind_ns: int = 0
     blind_until_ns: int = 0
+    paused_until_ns: int = 0
 
     @property
     def share(self) -> float:
@@ -70,7 +73,7 @@ class CameraCount:
             self.registered, self.last_registered_ns = self.registered + later.registered, later.last_registered_ns
 
     def _end_blindness(self, stamp_ns: int) -> None:
-        blind_ns = stamp_ns - (self.last_registered_ns or self.first_ns)
+        blind_ns = stamp_ns - max(self.last_registered_ns or self.first_ns, self.paused_until_ns)
         if blind_ns > self.blind_ns:
             self.blind_ns, self.blind_until_ns = blind_ns, stamp_ns
 
@@ -165,6 +168,7 @@ class CameraPoseLog:
         self._counts: dict[str, CameraCount] = {}
         self._step_ns = round(1e9 / _JUDGED_HZ)
         self._start_ns = self._given_start_ns
+        self._latest_ns = 0
 
     def add_registration(self, matches: LandmarkMatches) -> None:
         """Add the registration of one image."""
@@ -175,6 +179,8 @@ class CameraPoseLog:
         if stamp_ns < last_ns:
             self._reset()
         self._start_ns = stamp_ns if self._start_ns is None else self._start_ns
+        self._end_pause(stamp_ns)
+        self._latest_ns = max(self._latest_ns, stamp_ns)
         count = self._counts.setdefault(camera, CameraCount(stamp_ns))
         count.add(stamp_ns, is_registered=world_T_camera is not None)
         if world_T_camera is None:
@@ -183,6 +189,12 @@ class CameraPoseLog:
         interval = _FIRST_LENS_INTERVAL if count.registered <= 2 * _LENS_INTERVAL else _LENS_INTERVAL
         if camera in self._models and (count.registered - 1) % interval == 0:
             self._lenses.setdefault(camera, LensEvidence(self._models[camera], self._inlier_px)).add(matches)
+
+    def _end_pause(self, stamp_ns: int) -> None:
+        """Note a pause of all cameras, as between the parts of a preview, if one ends at a stamp [ns]."""
+        if stamp_ns - self._latest_ns > _PAUSE_NS:
+            for count in self._counts.values():
+                count.paused_until_ns = stamp_ns
 
     def add_state(self, stamp_ns: int, world_T_segment: NDArray[np.float64]) -> None:
         """Add a solved state: poses (S, 4, 4) of all segments of the body."""
@@ -213,6 +225,9 @@ class CameraPoseLog:
 
     def extend(self, later: LoggedPoses) -> None:
         """Add the stretch of the recording after what is kept."""
+        if later.counts:
+            self._end_pause(min(count.first_ns for count in later.counts.values()))
+            self._latest_ns = max(count.last_ns for count in later.counts.values())
         for camera, count in later.counts.items():
             if camera in self._counts:
                 self._counts[camera].extend(count)

@@ -1,10 +1,10 @@
-"""What all stretches of a recording share: where they begin, and clocks and read-out times by a first pass.
+"""What all stretches of a recording share: where they begin, and by a first pass clocks, read-out times, joints.
 
 The file is JSON, for ``bodycam replay stretch`` and ``merge``.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ SAMPLE_S, EVERY_S = 4.8, 120.0
 SAMPLED_SHARE = SAMPLE_S / EVERY_S
 """Share of a long recording that the first pass reads."""
 
-_VERSION = 1
+_VERSION = 2
 
 _KIND = "first pass of bodycam replay"
 
@@ -46,6 +46,7 @@ class FirstPass:
         shared: which cameras share their stamps; None where the recording is too short to tell.
         clocks: camera -> its clock, from one stamp on each.
         readouts: camera -> its read-out time.
+        rotations: joint -> (3, 3) how it was turned while it was observed, see ``PosePrior.joint_sums``.
     """
 
     recording: tuple[str, int]
@@ -55,6 +56,7 @@ class FirstPass:
     shared: SharedStamps | None
     clocks: Mapping[str, tuple[ClockState, ...]]
     readouts: Mapping[str, Readout]
+    rotations: Mapping[str, tuple[tuple[float, ...], ...]]
 
     @property
     def anew_ns(self) -> tuple[int, ...]:
@@ -137,7 +139,14 @@ def _parsed(document: dict[str, Any]) -> FirstPass:
         and SharedStamps(frozenset(map(str, shared["cameras"])), int(shared["period_ns"]), str(shared["reference"])),
         {camera: tuple(ClockState(**state) for state in states) for camera, states in document["clocks"].items()},
         {camera: Readout(**readout) for camera, readout in document["readouts"].items()},
+        {joint: _matrix(rows) for joint, rows in document["rotations"].items()},
     )
+
+
+def _matrix(rows: Sequence[Sequence[float]]) -> tuple[tuple[float, ...], ...]:
+    if [len(row) for row in rows] != [3, 3, 3]:
+        raise ValueError("not 3 x 3")
+    return tuple(tuple(map(float, row)) for row in rows)
 
 
 def block_bounds(window_ns: tuple[int, int], block_s: float) -> tuple[int, ...]:

@@ -1,7 +1,7 @@
-"""The first pass over a recording: clocks and read-out times, by some seconds of it every two minutes."""
+"""The first pass over a recording: clocks, read-out times and joints, by some seconds of it every two minutes."""
 
 import logging
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +10,8 @@ from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.estimation.mounted_cameras import evidence_floor
+from bodycam_ros.estimation.pose_prior import PosePrior
+from bodycam_ros.geometry import Array, inverse
 from bodycam_ros.pipeline.settings import PipelineSettings
 from bodycam_ros.recording.bag_reader import open_recording
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -19,14 +21,17 @@ from bodycam_ros.replaying.first_pass import BLOCK_S, EVERY_S, SAMPLE_S, FirstPa
 from bodycam_ros.replaying.front_end import registered_images
 from bodycam_ros.replaying.recorded_part import published_window
 from bodycam_ros.replaying.replay_request import ReplayRequest
+from bodycam_ros.timing.camera_path import path_points
 from bodycam_ros.timing.clock_estimator import ClockEstimator
-from bodycam_ros.timing.clock_state import ClockState
+from bodycam_ros.timing.clock_evidence import MAX_GAP_S
+from bodycam_ros.timing.clock_state import ClockState, clock_at
 from bodycam_ros.timing.stamps import SharedStamps
 
 logger = logging.getLogger(__name__)
 
 _LEAST_SAMPLES = 3
 _WHOLE_S = 20.0  # of a recording that is its own sample
+_STEP_NS = 100_000_000  # between two times at which joints are looked at
 _JUMP_S, _JUMP_SIGMAS = 0.006, 5.0  # by which clocks of two samples differ beyond their drift if one was set
 
 
@@ -49,7 +54,7 @@ def make_first_pass(
         RecordingError: a clock was set meanwhile, so that stretches would have a wrong time.
     """
     request.check_stretches()
-    request = request.in_stretches()
+    request = request.in_parts()
     body = read_body(request.body)
     with open_recording(request.recording, request.names) as recording:
         mounted = [camera for camera in recording.cameras if camera in body.mounts]
@@ -86,6 +91,7 @@ def make_first_pass(
         shared=shared,
         clocks=clocks,
         readouts=readouts.readouts(),
+        rotations=_rotations(body, registered, clocks, samples_ns),
     )
 
 
@@ -125,6 +131,34 @@ def _clocks(
     return estimator.shared, {
         camera: _constant(clocks) if camera in sharing else _linear(camera, clocks) for camera, clocks in found.items()
     }
+
+
+def _rotations(
+    body: BodyModel,
+    registered: Iterable[LandmarkMatches],
+    clocks: Mapping[str, Sequence[ClockState]],
+    samples_ns: Sequence[tuple[int, int]],
+) -> dict[str, tuple[tuple[float, ...], ...]]:
+    """Joint -> how it was turned while cameras on both of its segments were registered (``FirstPass.rotations``)."""
+    stamps_ns = np.concatenate([np.arange(*window_ns, _STEP_NS, dtype=np.int64) for window_ns in samples_ns])
+    poses = np.tile(np.eye(4), (len(stamps_ns), len(body.segments), 1, 1))
+    observed = np.zeros(poses.shape[:2], bool)
+    by_camera: dict[str, list[tuple[int, Array]]] = {}
+    for image in registered:
+        if image.world_T_camera is not None:
+            known = clocks.get(image.camera)
+            ahead_ns = clock_at(known, image.stamp_ns).offset_ns(image.stamp_ns) if known else 0
+            by_camera.setdefault(image.camera, []).append((image.stamp_ns - ahead_ns, image.world_T_camera))
+    for camera, images in sorted(by_camera.items()):
+        own_ns, own_poses = map(np.array, zip(*images, strict=True))
+        points, mount = path_points(own_ns, own_poses, stamps_ns, MAX_GAP_S), body.mounts[camera]
+        segment = body.segment_index[mount.segment]
+        poses[points.rows, segment] = points.poses @ inverse(mount.segment_T_camera)
+        observed[points.rows, segment] = True
+    parents, children = body.joint_ends.T
+    both_observed = observed[:, parents] & observed[:, children]
+    sums = PosePrior(body).joint_sums(body.joint_rotations(poses), both_observed, 1e-9 * _STEP_NS)
+    return {joint: tuple(tuple(row) for row in each.tolist()) for joint, each in sums.items()}
 
 
 def _constant(clocks: Sequence[ClockState]) -> tuple[ClockState, ...]:

@@ -67,7 +67,7 @@ def merge_stretches(request: ReplayRequest, first: FirstPass, parts: Sequence[Pa
         not_read = _not_read(recording, mounted, ordered, first)
         clock_sigma_s = max(map(recording.clock_sigma, recording.cameras))
     summary = ReplaySummary(1e-9 * (first.bounds_ns[-1] - first.bounds_ns[0]), clock_sigma_s=clock_sigma_s)
-    summary.notes = request.left_out_of_stretches
+    summary.notes = request.left_out_of_parts
     log = CameraPoseLog(body, cameras, request.settings.pose_fit.inlier_px, start_ns=first.recording[1] or None)
     with whole_folder(request.output, partial(check_replaceable, request.force)) as unfinished:
         unfinished.mkdir()

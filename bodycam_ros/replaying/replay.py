@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
@@ -16,6 +16,7 @@ from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.coupled_body import coupled_body, held_equipment
+from bodycam_ros.body_state import BodyOutput
 from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import BodycamError, BodyError, MapError, RecordingError, StaticCameraError
 from bodycam_ros.files.whole_file import scratch_folder
@@ -40,6 +41,7 @@ from bodycam_ros.replaying.extend import ExtensionRound, extend_map
 from bodycam_ros.replaying.first_pass import FirstPass
 from bodycam_ros.replaying.fresh_fronts import LEAD_NS
 from bodycam_ros.replaying.front_end import Worker, merged_results, start_workers
+from bodycam_ros.replaying.preview import preview_text, preview_windows, with_margins
 from bodycam_ros.replaying.recorded_part import part_s, published_window
 from bodycam_ros.replaying.replay_output import ReplayOutput
 from bodycam_ros.replaying.replay_record import SolverOutcome
@@ -48,7 +50,7 @@ from bodycam_ros.replaying.replay_summary import ReplaySummary
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.replaying.stretch_file import STRETCH_FILE, stretch_bytes
 from bodycam_ros.replaying.worker_process import warm_up
-from bodycam_ros.results.provenance import source_remarks, write_sources
+from bodycam_ros.results.provenance import PREVIEW, RECORDING, source_remarks, write_sources
 from bodycam_ros.static_cameras.start_file import AUTO
 from bodycam_ros.timing.clock_estimator import KnownClocks
 
@@ -70,10 +72,13 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         BodycamError: anything that is wrong with the input, see the stages.
     """
     started = time.monotonic()
-    first = request.first
+    first, without = request.first, tuple[str, ...]()
     if first is not None:
         request.check_stretches()
-        request = request.in_stretches()
+        request = request.in_parts()
+    if request.preview:
+        request.check_preview()
+        without, request = request.left_out_of_parts, request.in_parts()
     if request.stretch is None:
         warm_up()
     settings = request.settings
@@ -102,6 +107,15 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             first.check_recording(request.recording, recording.first_stamp_ns)
             solved_ns, window_ns = _stretch_windows(first, request)
             published_ns = solved_ns
+        parts_ns: Sequence[tuple[int, int]] = (window_ns,)
+        states_ns: Sequence[tuple[int, int]] = (published_ns,)
+        summary.recorded_s = lasting_s = part_s(solved_ns, recording)
+        if request.preview:
+            parts_ns = preview_windows(_bounded(recording, mounted, window_ns), request.preview)
+            summary.preview = preview_text(parts_ns, lasting_s)
+            summary.recorded_s = sum(part_s(each_ns, recording) for each_ns in parts_ns)
+            states_ns, parts_ns = parts_ns, with_margins(parts_ns)
+            lasting_s = part_s((parts_ns[0][0], parts_ns[-1][1]), recording)
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
         imus = read_imus(sensor_paths, mounted, request.names) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
@@ -115,13 +129,16 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             slim=request.slim,
             turns=camera_turns(body, imus),
             names=request.names,
-            windows_ns=(window_ns,),
+            windows_ns=tuple(parts_ns),
         )
         workers = list[Worker]()
         if first is not None:
             # A stretch begins with what the whole recording begins anew with there.
             anew_ns = tuple(stamp_ns for stamp_ns in first.anew_ns if stamp_ns > solved_ns[0])
             task = replace(task, anew_ns=anew_ns, shares_readouts=True)
+        if request.preview:
+            anew_ns = tuple(part_ns[0] for part_ns in parts_ns[1:])
+            task = replace(task, anew_ns=anew_ns, recorded_ahead_ns=recording.recorded_ahead_ns)
         if request.stretch is None:
             workers = stack.enter_context(start_workers(task, mounted, request.jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
@@ -162,13 +179,16 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             stations=stations,
             imus=imus,
             known_clocks=None if first is None or first.shared is None else KnownClocks(first.shared, first.clocks),
+            known_rotations=None if first is None else first.rotations,
         )
         # The states of the body, as soon as they are solved.
         writer = stack.enter_context(write_recording(request.output, request.force))
         sources = request.sources(own, reference_map, recording.start_ns, recording.first_stamp_ns)
+        if summary.preview:
+            sources[RECORDING][PREVIEW] = summary.preview
         write_sources(writer, sources, own, recording.start_ns)
-        summary.notes = (*([f"{left_out}; --all solves these parts too"] if left_out else ()), *source_remarks(sources))
-        summary.recorded_s = part_s(solved_ns, recording)
+        cut = [f"{left_out}; --all solves these parts too"] if left_out else []
+        summary.notes = (*cut, *without, *source_remarks(sources))
         # The map is drawn once, at the beginning.
         drawn = None if request.stretch else reference_map
         clocks = skeleton.clocks
@@ -191,7 +211,8 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             skeleton,
             out,
             published_ns,
-            lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(summary.recorded_s, 1e-9)),
+            states_ns,
+            lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(lasting_s, 1e-9)),
         )
         if request.stretch is not None and first is not None:
             record = out.record(request.stretch, first.count, outcome)
@@ -228,6 +249,7 @@ def _solve(
     skeleton: SkeletonPipeline,
     out: ReplayOutput,
     published_ns: tuple[int, int],
+    states_ns: Sequence[tuple[int, int]],
     on_image: Callable[[int], None],
 ) -> SolverOutcome:
     """Solve images in the order in which they were recorded, and write what is in the window that is published.
@@ -237,6 +259,7 @@ def _solve(
         skeleton: solves them.
         out: takes images and states.
         published_ns: first stamp of the window, and the stamp after its last [ns].
+        states_ns: the same of parts of the window, in which states are published.
         on_image: called with the stamp of each [ns].
 
     Returns:
@@ -245,6 +268,15 @@ def _solve(
     begin_ns, end_ns = published_ns
     before = within = None
     is_over = False
+    left_out = 0
+
+    def write(outputs: Iterable[BodyOutput]) -> None:
+        nonlocal left_out
+        wanted = [output for output in outputs if _is_in(output.state.stamp_ns, published_ns)]
+        published = [output for output in wanted if any(_is_in(output.state.stamp_ns, part) for part in states_ns)]
+        left_out += len(wanted) - len(published)
+        out.write_states(published)
+
     for item in items:
         if begin_ns <= item.stamp_ns < end_ns:
             before = before or SolverOutcome.of(skeleton)
@@ -254,14 +286,22 @@ def _solve(
             within = within or SolverOutcome.of(skeleton)
         if isinstance(item, (RegisteredImage, CameraImage)):
             states = skeleton.add(item.matches if isinstance(item, RegisteredImage) else item)
-            out.write_states(each for each in states if _is_in(each.state.stamp_ns, published_ns))
+            write(states)
             is_over = is_over or any(each.state.stamp_ns >= end_ns for each in states)
         if is_over and item.stamp_ns > end_ns + _LATE_NS:
             break
     else:
-        out.write_states(each for each in skeleton.flush() if _is_in(each.state.stamp_ns, published_ns))
+        write(skeleton.flush())
     whole = within or SolverOutcome.of(skeleton)
-    return whole if before is None else whole.since(before)
+    counted = whole if before is None else whole.since(before)
+    return replace(counted, frames=counted.frames - left_out)
+
+
+def _bounded(recording: Recording, cameras: Collection[str], window_ns: tuple[int, int]) -> tuple[int, int]:
+    """The part of a window in which there are images of some cameras [ns]."""
+    spans_ns = list(recording.camera_spans(cameras).values()) or [window_ns]
+    begin_ns, end_ns = min(begin for begin, _ in spans_ns), max(end for _, end in spans_ns) + 1
+    return max(window_ns[0], begin_ns), min(window_ns[1], end_ns)
 
 
 def _log(log: CameraPoseLog, window_ns: tuple[int, int], matches: LandmarkMatches) -> None:

@@ -30,6 +30,7 @@ from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.readout_time import ReadoutLog
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.replaying.camera_worker import LeftOutImages, Result, UnusableCount, UnusableImages
+from bodycam_ros.replaying.preview import preview_finding
 from bodycam_ros.replaying.replay_record import SolverOutcome, StretchRecord
 from bodycam_ros.replaying.replay_remarks import CameraSpans
 from bodycam_ros.replaying.replay_summary import ReplaySummary
@@ -222,6 +223,7 @@ class ReplayOutput:
             *equipment_findings(summary.equipment, self._equipment),
             *self._static.findings(bare),
             *unsolved_findings(summary.solved, counts.contradictory, counts.rejected),
+            *([preview_finding(summary.preview)] if summary.preview else ()),
         )
         summary.verdict = judge(poses, findings)
         text = verdict_text(summary.verdict)

@@ -47,6 +47,7 @@ class ReplayRequest:
         whole: solve all of it, also where few of the body's cameras run.
         first: clocks, read-out times and stretches by a first pass; None without one.
         stretch: the stretch of it that is solved, from 0 on; None for all of the recording.
+        preview: solve parts of the recording alone, so many at most (``preview.py``); 0 for all of it.
     """
 
     recording: Path
@@ -66,6 +67,7 @@ class ReplayRequest:
     whole: bool = False
     first: FirstPass | None = None
     stretch: int | None = None
+    preview: int = 0
 
     def check_stretches(self) -> None:
         """Refuse what cannot be solved in stretches, as a stretch would need to know those before it.
@@ -74,12 +76,9 @@ class ReplayRequest:
             SettingsError: such a setting, or such inputs.
         """
         for is_asked, what, remedy in (
-            (self.outside is not None, "with static cameras (--stations)", ""),
+            *self._not_in_parts,
             (self.equipment is not None, "with equipment (--equipment)", ""),
-            (self.passes > 1, "while the map is extended (--passes)", "; extend it first with 'bodycam map extend'"),
-            (self.map is None, "without a map", ""),
             (self.settings.estimator.whole_recording, "with estimator.output_delay 'offline'", "; give frames"),
-            (bool(self.imus), "with inertial sensors (--imu)", ""),
         ):
             if is_asked:
                 raise SettingsError(
@@ -87,16 +86,39 @@ class ReplayRequest:
                     f"{remedy or '; replay it in one go'}"
                 )
 
+    def check_preview(self) -> None:
+        """Refuse a preview of what depends on all of the recording.
+
+        Raises:
+            SettingsError: such inputs.
+        """
+        for is_asked, what, remedy in self._not_in_parts:
+            if is_asked:
+                raise SettingsError(
+                    f"there is no preview {what}, which needs the whole recording{remedy or '; leave --preview out'}"
+                )
+
     @property
-    def left_out_of_stretches(self) -> tuple[str, ...]:
-        """What a replay in one go does and its stretches do not, a line each."""
+    def _not_in_parts(self) -> tuple[tuple[bool, str, str], ...]:
+        """What needs all of a recording: whether it is asked for, its name, and what to do in its place."""
+        return (
+            (self.outside is not None, "with static cameras (--stations)", ""),
+            (self.passes > 1, "while the map is extended (--passes)", "; extend it first with 'bodycam map extend'"),
+            (self.map is None, "without a map", ""),
+            (bool(self.imus), "with inertial sensors (--imu)", ""),
+        )
+
+    @property
+    def left_out_of_parts(self) -> tuple[str, ...]:
+        """What a replay in one go does, and its stretches or a preview do not, a line each."""
         off = {
             "the map is not extended by what cameras see": self.settings.extension.enabled,
             "inertial sensors are not used": self.settings.inertial.enabled,
         }
-        return tuple(f"in stretches {what}" for what, is_on in off.items() if is_on)
+        where = "a preview" if self.preview else "stretches"
+        return tuple(f"in {where} {what}" for what, is_on in off.items() if is_on)
 
-    def in_stretches(self) -> "ReplayRequest":
+    def in_parts(self) -> "ReplayRequest":
         """Return the request without what depends on all that came before: a map that grows, inertial sensors."""
         settings = self.settings
         settings = replace(settings, extension=replace(settings.extension, enabled=False))

@@ -39,6 +39,7 @@ class ReplaySummary:
         verdict: whether the result may be used.
         equipment: how the body was coupled to it; None without.
         rounds: by which the map was extended before.
+        preview: what is solved, where that is a preview; else empty.
         clock_sigma_s: standard deviation of the least known clock, by an ingest [s]; 0 without one.
     """
 
@@ -64,6 +65,7 @@ class ReplaySummary:
     verdict: Verdict = field(default_factory=lambda: Verdict.from_findings(()))
     equipment: EquipmentRecord | None = None
     rounds: tuple[ExtensionRound, ...] = ()
+    preview: str = ""
     clock_sigma_s: float = 0.0
 
     @property

@@ -21,6 +21,9 @@ logger = logging.getLogger(__name__)
 MAP, BODY, RECORDING, SETTINGS, EQUIPMENT = "map", "body", "recording", "settings", "equipment"
 """Names of records; map and body have "name" and "identity"."""
 
+PREVIEW = "preview"
+"""In the record of the recording: how much of it is solved, where that is a preview."""
+
 BODY_FILE, VERDICT_FILE = "body.yaml", "verdict.json"
 """Attachments: the body as its file describes it, and the quality findings as on ``/verdict``."""
 
@@ -99,7 +102,12 @@ class Provenance:
             return []
         where = f" in map {_named(made[MAP])}" if MAP in made else ""
         by = f"{made[PROGRAM].get('command', 'unknown')} {made[PROGRAM].get('version', '')}".strip()
-        return [f"solved by {by} with body {_named(made[BODY])}{where}", *source_remarks(made)]
+        preview = made.get(RECORDING, {}).get(PREVIEW)
+        return [
+            f"solved by {by} with body {_named(made[BODY])}{where}",
+            *([f"a preview: {preview}"] if preview else ()),
+            *source_remarks(made),
+        ]
 
     def map_difference(self, reference_map: ReferenceMap, path: Path) -> str | None:
         """Why a map is not that of the bag, with both names; None where it is, or extends it, or nothing is known."""

@@ -1,5 +1,6 @@
 """The body of a solved bag and its motion, apart from the cameras: what other programs ask for."""
 
+import logging
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +23,9 @@ from bodycam_ros.messages.factory import Message, numbers, stamp_ns
 from bodycam_ros.messages.poses import pose_and_covariance
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.bag_file import BagFile
+from bodycam_ros.recording.bag_records import read_bag_records
 from bodycam_ros.results.body_motion import pose_near
+from bodycam_ros.results.provenance import PREVIEW, RECORDING
 from bodycam_ros.results.topics import (
     JOINT_STATES,
     MOTION_TOPICS,
@@ -32,6 +35,8 @@ from bodycam_ros.results.topics import (
     published_body,
     wrong_message_named,
 )
+
+logger = logging.getLogger(__name__)
 
 GAP_FRAMES = 1.5
 """States further apart than this are a gap [frames]; between others the body is known."""
@@ -187,7 +192,7 @@ class BodyMessages:
 
 
 def read_solved_body(path: Path, progress: Progress | None = None) -> SolvedBody:
-    """Read a solved body, without its cameras.
+    """Read a solved body, without its cameras; the user is warned where that is a preview.
 
     Args:
         path: ros2 bag folder or file.
@@ -204,7 +209,10 @@ def read_solved_body(path: Path, progress: Progress | None = None) -> SolvedBody
             for topic, _, message in bag.messages(messages.topics):
                 advance()
                 messages.add(topic, message)
-    return messages.solved()
+    solved = messages.solved()
+    if preview := read_bag_records(path).metadata.get(RECORDING, {}).get(PREVIEW):
+        logger.warning("%s: is a preview, not the result: %s of the recording", path, preview)
+    return solved
 
 
 def plain_name(path: Path) -> str:

@@ -23,8 +23,10 @@ def test_tracks_of_another_map_are_refused_with_both_names(graph: Any, tmp_path:
     graph.listen({topic: "bodycam_msgs/msg/LandmarkMatches"})
     *trackers, registration, solver = live_graph(hall, body)
     other = GraphNode(registration.executable, registration.name, {**registration.parameters, "map": str(cellar)})
-    (registering,) = graph.run(other)
-    graph.run(*trackers, solver)
+    tracking = graph.start(*trackers)
+    graph.run(solver)
+    # Last, as trackers that are ready send their tracks at once.
+    (registering,) = graph.start(other)
     graph.run(GraphNode("player", "player", {"bagfile": str(bag), "rate": 1.0, "loop": True, "readers": 3}))
 
     def is_refused(part: str) -> bool:
@@ -44,6 +46,11 @@ def test_tracks_of_another_map_are_refused_with_both_names(graph: Any, tmp_path:
         "the verdict is wrong",
     )
     assert all(not message.registered for message in graph.messages(topic))
+    # One line of the log for all cameras, by the registration alone.
+    graph.until(lambda: "same map:=MAP" in registering.log, _SOON_S, "it is logged")
+    (line,) = [line for line in registering.log.splitlines() if "same map:=MAP" in line]
+    assert f"each of 2 cameras ({', '.join(sorted(CAMERAS))}): its tracker uses map" in line
+    assert not any("same map:=MAP" in tracker.log for tracker in tracking)
 
     registering.end()
     heard = len(graph.heard[topic])
