@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.film.environment import Environment
+    from bodycam_ros.environment.environment import Environment
     from bodycam_ros.film.write_film import FilmRequest, write_film
 
     output: Path = arguments.output

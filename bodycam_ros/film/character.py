@@ -9,27 +9,16 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, eye_array
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.limb_mesh import Ball, limb_mesh
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin import SkinnedSurface, skinned_body
-from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.body.surface import Faces, join_meshes, vertex_neighbours
-from bodycam_ros.film.machines import machine_parts
+from bodycam_ros.environment.colours import linear
+from bodycam_ros.environment.machines import COLOURS, machine_parts
 from bodycam_ros.geometry import Array
-from bodycam_ros.results.picture_style import EQUIPMENT, rgb
 
-GAMMA = 2.2
-"""Exponent from values of a picture to light."""
-
-
-def linear(colour: str) -> tuple[float, ...]:
-    """Red, green and blue, linear in light, 0 to 1, of ``#rrggbb``."""
-    return tuple((value / 255.0) ** GAMMA for value in rgb(colour))
-
-
-_SKIN, _SHIRT, _TROUSERS, _SHOES, _PAINT, _RUBBER, _METAL = range(7)
-_COLOURS = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", EQUIPMENT, "#26282b", "#a4aab0"
-PALETTE = np.array([linear(each) for each in _COLOURS], np.float32)
+_SKIN, _SHIRT, _TROUSERS, _SHOES, _EQUIPMENT = range(5)
+_CLOTHING = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd"
+PALETTE = np.array([linear(each) for each in (*_CLOTHING, *COLOURS)], np.float32)
 """(C, 3) colours of skin, shirt, trousers, shoes, and of equipment its paint, rubber and metal, linear in light."""
 
 _CLOTHES = {
@@ -40,8 +29,6 @@ _CLOTHES = {
 }  # fmt: skip
 """Kind of segment -> what is seen on it; others are as the shirt."""
 
-_TUBE_M = 0.014
-_SHORTEST_M = 1e-3
 _SMOOTHINGS = 12  # of the borders of garments over neighbouring vertices
 
 
@@ -89,12 +76,7 @@ class Character:
             for part in self._parts:
                 pose = segment_poses[self._body.segment_index[part.segment]]
                 meshes.append((part.placed(pose, rolled_m), part.triangles))
-                colours.append(_PAINT + part.colour)
-            if not self._parts:
-                bones = [bone for bone in body_bones(self._body, segment_poses) if bone.is_equipment]
-                tubes = [tube(bone.start[0], bone.end[0]) for bone in bones if _length(bone) > _SHORTEST_M]
-                meshes += tubes
-                colours += [_PAINT] * len(tubes)
+                colours.append(_EQUIPMENT + part.colour)
         shares = [self._shares]
         for (vertices, _), colour in zip(meshes[1:], colours, strict=True):
             one = np.zeros((len(vertices), len(PALETTE)), np.float32)
@@ -102,11 +84,6 @@ class Character:
             shares.append(one)
         vertices, triangles = join_meshes(meshes)
         return PosedMesh(vertices.astype(np.float32), triangles, np.concatenate(shares))
-
-
-def tube(start: Array, end: Array) -> tuple[Array, Faces]:
-    """A closed mesh (V, 3), (T, 3) around a line between two points (3,) [m]."""
-    return limb_mesh(start, end, [Ball(0.0, _TUBE_M), Ball(1.0, _TUBE_M)], np.array([0.0, 0.0, 1.0]))
 
 
 def _segment_shares(skin: SkinnedSurface, segments: int) -> NDArray[np.float32]:
@@ -124,7 +101,3 @@ def _neighbours(skin: SkinnedSurface) -> csr_array:
     count = len(skin.vertices)
     beside = vertex_neighbours(count, skin.triangles).astype(np.float32) + eye_array(count, dtype=np.float32)
     return csr_array(diags_array(1.0 / beside.sum(axis=1)) @ beside)
-
-
-def _length(bone: Bone) -> float:
-    return float(np.linalg.norm(bone.end[0] - bone.start[0]))

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.film.character import GAMMA, PosedMesh
+from bodycam_ros.environment.colours import GAMMA
+from bodycam_ros.film.character import PosedMesh
+from bodycam_ros.film.ground import ground_colours
 from bodycam_ros.film.lighting import GroundShadow, LitMesh, ground_shadow, lit_mesh
+from bodycam_ros.film.lit_scenery import LitScenery
 from bodycam_ros.film.place import Place
 from bodycam_ros.film.ray_scene import Floats, RayScene
-from bodycam_ros.film.scenery import Scenery
 from bodycam_ros.film.views import UP, Window
 from bodycam_ros.geometry import Array, inverse, transform_points
 
@@ -84,6 +86,10 @@ class PictureMaker:
         seen[top : top + inner_height, left : left + inner_width] = True
         return bearings.reshape(height, width, 3).astype(np.float32), seen & valid.reshape(height, width)
 
+    @cached_property
+    def _scenery(self) -> LitScenery | None:
+        return None if self.place.scenery is None else LitScenery(self.place.scenery)
+
     def covered_share(self, world_T_camera: Array) -> float:
         """Share of the picture that mapped surfaces cover, of a coarse grid of its pixels."""
         if self.place.surface is None:
@@ -111,7 +117,7 @@ class PictureMaker:
         """
         scene = RayScene(mesh.vertices, mesh.triangles)
         lit = lit_mesh(mesh, scene)
-        ground, scenery = self.place.ground_m, self.place.scenery
+        ground, scenery = self.place.ground_m, self._scenery
         surface = self.place.surface if hidden else None
         if scenery is not None:
             picture, surface = self._in_scenery(world_T_camera, scenery, scene), scenery.rays
@@ -132,7 +138,7 @@ class PictureMaker:
         sky: Floats = (1.0 - share) * _HORIZON + share * (_SKY if route is None else _OPEN_SKY)
         return sky
 
-    def _in_scenery(self, world_T_camera: Array, scenery: Scenery, scene: RayScene) -> Image:
+    def _in_scenery(self, world_T_camera: Array, scenery: LitScenery, scene: RayScene) -> Image:
         """Sky and meshes of another program, which the person throws a shadow on."""
         pixels = np.clip(self._sky(self._directions(world_T_camera)), 0.0, 255.0).astype(np.uint8)
         whole = 0, self.lens.height, 0, self.lens.width
@@ -155,7 +161,7 @@ class PictureMaker:
             line = np.maximum(_line_share(x), _line_share(y))
             ground = _GROUND + line[..., None] * (_LINE - _GROUND)
             if route is not None:
-                ground = route.environment.ground(x, y, route.start, route.heading)
+                ground = ground_colours(route, x, y)
                 fade = np.clip((away - _FADE_M[1]) / (4.0 * _FADE_M[1]), 0.0, 1.0)
             ground = ground + fade[..., None] * (_HORIZON - ground)
             picture = np.where(is_ground[..., None], ground, picture)

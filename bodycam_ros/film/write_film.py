@@ -9,14 +9,15 @@ from typing import Any
 import cv2
 import numpy as np
 
+from bodycam_ros.environment.environment import Environment
+from bodycam_ros.environment.placement import Route, heading_of, placement
 from bodycam_ros.errors import OutputError, ViewError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.whole_file import whole_file
 from bodycam_ros.film.character import Character, PosedMesh
-from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.frames import EvenFrames, Frames, RecordedFrames
 from bodycam_ros.film.picture import Image, PictureMaker
-from bodycam_ros.film.place import Place, Route
+from bodycam_ros.film.place import Place
 from bodycam_ros.film.shots import (
     CAMERA,
     PHOTOGRAPH,
@@ -29,7 +30,7 @@ from bodycam_ros.film.shots import (
 )
 from bodycam_ros.film.views import OUTSIDE, UP
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.video_encoder import video_writer
@@ -40,10 +41,6 @@ from bodycam_ros.results.solved_part import part_of
 
 PICTURES = (".png", ".jpg")
 """Endings of a file that one picture is written to, that of the first time."""
-
-_LEAST_WAY_M = 0.5
-_ON_GROUND = 0.1  # quantile of the lowest points that is on the ground of an environment
-_CONTACT_M, _OFF_GROUND_M = 0.03, 0.15  # heights of what is put onto it, and of what is left where it was
 
 
 @dataclass(frozen=True)
@@ -170,31 +167,21 @@ class FilmedMotion:
         )
         roots = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
         self.facing: Array = roots[:, :3, 0].mean(axis=0)
-        self.heading = _heading(solved, self.world_T_segment, roots)
+        self.heading = heading_of(solved.body, self.world_T_segment)
         self._travelled = np.zeros(len(stamps_ns))
         step: Any = nullcontext(int) if progress is None else progress.step("way of the person", len(stamps_ns))
         with step as advance:
             self.boxes: Array = np.array([self._box(row, advance) for row in range(len(stamps_ns))])
 
     def move_into(self, environment: Environment) -> Place:
-        """Add the speed of an environment, put what is near the ground onto it, and give the place.
-
-        Heights of up to 3 cm over the ground are taken for contact: a board on its edge, or what was not measured.
-        """
+        """Move the person into an environment (see ``placement``), and give the place."""
         lowest = self.boxes[:, 0, 2]
-        ground_m = float(np.quantile(lowest, _ON_GROUND))
-        above = lowest - ground_m
-        share = np.clip((_OFF_GROUND_M - np.abs(above)) / (_OFF_GROUND_M - _CONTACT_M), 0.0, 1.0)
-        self._travelled = environment.speed * self.seconds
-        moved = self._travelled[:, None] * self.heading - (share * above)[:, None] * UP
-        self.world_T_segment[..., :3, 3] += moved[:, None]
-        self.boxes += moved[:, None]
-        route = Route(environment, self.boxes[0].mean(axis=0), self.heading)
-        scenery = environment.scenery
-        if scenery is not None:
-            axes = np.stack([self.heading, np.cross(UP, self.heading), UP], axis=1)
-            scenery = scenery.placed(rigid(axes, np.append(route.start[:2], ground_m)))
-        return Place(ground_m, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route, scenery)
+        placed = placement(environment, self.seconds, lowest, self.heading)
+        self._travelled = placed.travelled
+        self.world_T_segment[..., :3, 3] += placed.moved[:, None]
+        self.boxes += placed.moved[:, None]
+        route = Route(environment, self.boxes[0].mean(axis=0), self.heading, placed.ground_m)
+        return Place(placed.ground_m, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route, route.scenery)
 
     def mesh(self, row: int) -> PosedMesh:
         """The person, with equipment where its pose is known, at a frame."""
@@ -205,18 +192,6 @@ class FilmedMotion:
         advance()
         vertices = self.mesh(row).vertices
         return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
-
-
-def _heading(solved: SolvedBody, world_T_segment: Array, roots: Array) -> Array:
-    """(3,) unit, level: where equipment that rides points; else where the person goes, or faces where they stay."""
-    riding = [name for name in ("frame", "board") if name in solved.body.equipment_segments]
-    way = roots[-1, :3, 3] - roots[0, :3, 3]
-    if riding:
-        way = world_T_segment[:, solved.body.segment_index[riding[0]], :3, 0].mean(axis=0)
-    elif np.linalg.norm(way[:2]) < _LEAST_WAY_M:
-        way = roots[:, :3, 0].mean(axis=0)
-    level: Array = way * [1.0, 1.0, 0.0]
-    return level / np.linalg.norm(level)
 
 
 def _frames(request: FilmRequest, solved: SolvedBody, kind: str, name: str) -> Frames:

@@ -8,10 +8,12 @@ import pytest
 from helpers.athletes import AIRBORNE_S, Athlete, cyclist, snowboarder
 
 from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.environment.environment import Environment
+from bodycam_ros.environment.machines import WHEEL_M, machine_parts
+from bodycam_ros.environment.placement import Route
 from bodycam_ros.errors import ViewError
-from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.frames import EvenFrames
-from bodycam_ros.film.machines import WHEEL_M, machine_parts
+from bodycam_ros.film.ground import ground_colours
 from bodycam_ros.film.shots import OutsideShots
 from bodycam_ros.film.write_film import FilmedMotion
 from bodycam_ros.geometry import transform_points
@@ -102,7 +104,8 @@ def test_lines_of_the_road_lie_along_it() -> None:
     road = Environment.parse("road", 0.0)
     along, across = np.meshgrid(np.arange(-5.0, 5.0, 0.01), np.arange(-5.0, 7.0, 0.01), indexing="ij")
     heading = np.array([0.0, 1.0, 0.0])
-    colours = road.ground((-across).astype(np.float32), along.astype(np.float32), np.zeros(3), heading)
+    route = Route(road, np.zeros(3), heading)
+    colours = ground_colours(route, (-across).astype(np.float32), along.astype(np.float32))
     bright = (colours.min(axis=2) > 200.0).mean(axis=0)
     edges = across[0][bright > 0.95]
     assert set(np.round(edges, 1)) <= {-1.7, -1.6, -1.5, 4.3, 4.4, 4.5}

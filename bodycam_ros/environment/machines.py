@@ -7,12 +7,16 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_model import BodyModel, bone_ends
+from bodycam_ros.body.limb_mesh import Ball, limb_mesh
 from bodycam_ros.body.surface import Faces, join_meshes
 from bodycam_ros.geometry import Array, exp_so3, transform_points
 
 PAINT, RUBBER, METAL = range(3)
 """Colours of parts."""
+
+COLOURS = "#8e4a8a", "#26282b", "#a4aab0"
+"""Written colours of ``PAINT``, which is that of equipment in all pictures, ``RUBBER`` and ``METAL``."""
 
 WHEEL_M = 0.34
 """Radius of a wheel, with its tyre."""
@@ -23,6 +27,7 @@ _HEAD_LOW, _HEAD_HIGH = np.array([0.44, 0.0, 0.47]), np.array([0.375, 0.0, 0.66]
 _GRIPS = {"left": (0.4, 0.22, 0.76), "right": (0.4, -0.22, 0.76)}
 _BEYOND_M = 0.06  # of the bar, beyond the hands
 _BRACKET = np.zeros(3)
+_LINE_M = 0.014  # radius of a tube that stands for a line
 _TUBE_M, _THIN_M, _TYRE_M, _SPOKE_M = 0.017, 0.009, 0.016, 0.0022
 _SPOKES = 14
 _BOARD_M, _WAIST_M, _THICK_M = 1.52, 0.255, 0.012
@@ -58,7 +63,7 @@ class Part:
 
 
 def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, ...]:
-    """Parts of a bicycle or snowboard, known by the segments that files of equipment have; none of other equipment.
+    """Parts of a bicycle or snowboard, known by the segments that files of equipment have; tubes of other equipment.
 
     Args:
         body: with its equipment.
@@ -69,7 +74,8 @@ def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, 
         return tuple(_bicycle(body, lengths))
     if "board" in segments:
         return tuple(_snowboard(body))
-    return ()
+    lines = [(segment, end) for segment in sorted(segments) for end in bone_ends(body, segment)]
+    return tuple(Part(segment, *_line(end), PAINT) for segment, end in lines)
 
 
 def _bicycle(body: BodyModel, lengths: Mapping[str, float]) -> list[Part]:
@@ -126,6 +132,11 @@ def _snowboard(body: BodyModel) -> list[Part]:
     bindings = sorted(body.equipment_segments - {"board"})
     plate = _mesh(trimesh.creation.box((0.27, 0.12, 0.008)), np.array([0.0, 0.0, -0.004]))
     return [Part("board", *join_meshes(deck), PAINT), *(Part(binding, *plate, RUBBER) for binding in bindings)]
+
+
+def _line(end: Array) -> Mesh:
+    """A round tube from the origin to a point (3,)."""
+    return limb_mesh(np.zeros(3), end, [Ball(0.0, _LINE_M), Ball(1.0, _LINE_M)], np.array([0.0, 0.0, 1.0]))
 
 
 def _tube(start: Array, end: Array, radius: float) -> Mesh:
