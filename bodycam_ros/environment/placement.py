@@ -104,3 +104,21 @@ def heading_of(body: BodyModel, world_T_segment: Array) -> Array:
         way = roots[:, :3, 0].mean(axis=0)
     level: Array = way * [1.0, 1.0, 0.0]
     return level / np.linalg.norm(level)
+
+
+def rolled(body: BodyModel, world_T_segment: Array, travelled: Array) -> Array:
+    """(F,) how far wheels have rolled [m]: as far as the environment's speed carries them, and a bicycle rides itself.
+
+    Args:
+        body: with its equipment.
+        world_T_segment: (F, S, 4, 4) before it was moved [m].
+        travelled: (F,) by the speed of the environment [m].
+    """
+    if "frame" not in body.equipment_segments:
+        return travelled
+    frame = world_T_segment[:, body.segment_index["frame"]]
+    if np.linalg.norm(frame[-1, :3, 3] - frame[0, :3, 3]) < _LEAST_WAY_M:  # on a roller
+        return travelled
+    steps = np.sum(np.diff(frame[:, :3, 3], axis=0) * frame[:-1, :3, 0], axis=1)
+    forward: Array = travelled + np.concatenate([[0.0], np.cumsum(steps)])
+    return forward

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from bodycam_ros.environment.environment import Environment
-from bodycam_ros.environment.placement import Route, heading_of, placement
+from bodycam_ros.environment.placement import Route, heading_of, placement, rolled
 from bodycam_ros.errors import OutputError, ViewError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.whole_file import whole_file
@@ -168,7 +168,7 @@ class FilmedMotion:
         roots = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
         self.facing: Array = roots[:, :3, 0].mean(axis=0)
         self.heading = heading_of(solved.body, self.world_T_segment)
-        self._travelled = np.zeros(len(stamps_ns))
+        self._rolled = rolled(solved.body, self.world_T_segment, np.zeros(len(stamps_ns)))
         step: Any = nullcontext(int) if progress is None else progress.step("way of the person", len(stamps_ns))
         with step as advance:
             self.boxes: Array = np.array([self._box(row, advance) for row in range(len(stamps_ns))])
@@ -177,7 +177,7 @@ class FilmedMotion:
         """Move the person into an environment (see ``placement``), and give the place."""
         lowest = self.boxes[:, 0, 2]
         placed = placement(environment, self.seconds, lowest, self.heading)
-        self._travelled = placed.travelled
+        self._rolled = rolled(self._body, self.world_T_segment, placed.travelled)
         self.world_T_segment[..., :3, 3] += placed.moved[:, None]
         self.boxes += placed.moved[:, None]
         route = Route(environment, self.boxes[0].mean(axis=0), self.heading, placed.ground_m)
@@ -185,7 +185,7 @@ class FilmedMotion:
 
     def mesh(self, row: int) -> PosedMesh:
         """The person, with equipment where its pose is known, at a frame."""
-        placed, rolled_m = bool(self._placed[row]), float(self._travelled[row])
+        placed, rolled_m = bool(self._placed[row]), float(self._rolled[row])
         return self._character.posed(self.world_T_segment[row], with_equipment=placed, rolled_m=rolled_m)
 
     def _box(self, row: int, advance: Callable[[], object]) -> Array:
