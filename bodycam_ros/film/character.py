@@ -11,7 +11,7 @@ from scipy.sparse import csr_array, diags_array, eye_array
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin import SkinnedSurface, skinned_body
-from bodycam_ros.body.surface import Faces, join_meshes, vertex_neighbours
+from bodycam_ros.body.surface import Faces, Surface, join_meshes, vertex_neighbours
 from bodycam_ros.environment.colours import linear
 from bodycam_ros.environment.machines import COLOURS, machine_parts
 from bodycam_ros.geometry import Array
@@ -53,14 +53,20 @@ class Character:
     Args:
         body: with its equipment.
         lengths: of the equipment, as they were estimated [m]; see ``machine_parts``.
+        scanned: segment -> its surface, of some segments; others are as thick as their girths.
 
     Raises:
-        BodyError: no segment has a length to put a skin around.
+        BodyError: no segment has a length to put a skin around, or a scanned surface is not closed.
     """
 
-    def __init__(self, body: BodyModel, lengths: Mapping[str, float] = MappingProxyType({})) -> None:
+    def __init__(
+        self,
+        body: BodyModel,
+        lengths: Mapping[str, float] = MappingProxyType({}),
+        scanned: Mapping[str, Surface] | None = None,
+    ) -> None:
         self._body = body
-        self._skin = skinned_body(body)
+        self._skin = skinned_body(body, scanned)
         self._parts = machine_parts(body, lengths)
         clothes = np.array([_CLOTHES.get(SegmentName(name).kind, _SHIRT) for name in body.segments])
         self._shares = _segment_shares(self._skin, len(body.segments)) @ np.eye(len(PALETTE), dtype=np.float32)[clothes]

@@ -9,9 +9,10 @@ from typing import Any
 import cv2
 import numpy as np
 
+from bodycam_ros.body.surface_folder import read_surfaces
 from bodycam_ros.environment.environment import Environment
 from bodycam_ros.environment.placement import Route, heading_of, placement, rolled
-from bodycam_ros.errors import OutputError, ViewError
+from bodycam_ros.errors import BodyError, OutputError, ViewError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.whole_file import whole_file
 from bodycam_ros.film.character import Character, PosedMesh
@@ -59,6 +60,7 @@ class FilmRequest:
         rate_hz: frames a second, where they are not those of a camera.
         span: part of the recording.
         environment: in place of what was there; only of views from outside.
+        surface: folder with a scan of the person.
     """
 
     solved: Path
@@ -72,6 +74,7 @@ class FilmRequest:
     rate_hz: float = 30.0
     span: TimeSpan = TimeSpan()
     environment: Environment | None = None
+    surface: Path | None = None
 
 
 def write_film(request: FilmRequest, path: Path, progress: Progress, note: Callable[[str], None]) -> int:
@@ -97,7 +100,7 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
         )
     frames = _frames(request, solved, kind, name)
     environment = request.environment
-    motion = FilmedMotion(solved, frames, progress)
+    motion = FilmedMotion(solved, frames, progress, request.surface)
     place = Place.around(reference_map, motion.boxes[:, 0, 2])
     up = UP
     if environment is not None:
@@ -152,11 +155,17 @@ class FilmedMotion:
         boxes: (F, 2, 3) corners of a box around the person [m].
     """
 
-    def __init__(self, solved: SolvedBody, frames: Frames, progress: Progress | None = None) -> None:
+    def __init__(
+        self, solved: SolvedBody, frames: Frames, progress: Progress | None = None, surface: Path | None = None
+    ) -> None:
         self._body = solved.body
         known = solved.equipment
         lengths = {} if known is None else dict(zip(known.lengths, known.values.tolist(), strict=True))
-        self._character = Character(solved.body, lengths)
+        scanned = None if surface is None else read_surfaces(surface, solved.body)
+        try:
+            self._character = Character(solved.body, lengths, scanned)
+        except BodyError as error:
+            raise BodyError(f"{surface or solved.path}: {error}") from error
         stamps_ns = frames.stamps_ns
         self.seconds: Array = (stamps_ns - stamps_ns[0]) * 1e-9
         poses = np.moveaxis(solved.world_T_segment, 1, 0)

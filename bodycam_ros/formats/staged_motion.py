@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.skin import skinned_body
+from bodycam_ros.body.skin import SkinnedSurface, skinned_body
+from bodycam_ros.body.surface_folder import read_surfaces
 from bodycam_ros.environment.environment import Environment
 from bodycam_ros.environment.ground_mesh import ColouredMesh, ground_meshes
 from bodycam_ros.environment.machines import Part, machine_parts
@@ -55,7 +55,8 @@ def staged_motion(motion: SampledMotion, options: MotionOptions) -> StagedMotion
         return StagedMotion(motion, parts, rolled(body, motion.world_T_segment, still))
     environment = Environment.parse(options.environment, options.travel or 0.0)
     heading = heading_of(body, motion.world_T_segment)
-    boxes = _boxes(motion, body, parts)
+    scanned = None if options.surface is None else read_surfaces(options.surface, body)
+    boxes = _boxes(motion, skinned_body(body, scanned), parts)
     placed = placement(environment, motion.seconds, boxes[:, 0, 2], heading)
     start = (boxes[0] + placed.moved[0]).mean(axis=0)
     route = Route(environment, start, heading, placed.ground_m)
@@ -72,14 +73,14 @@ def staged_motion(motion: SampledMotion, options: MotionOptions) -> StagedMotion
     )
 
 
-def _boxes(motion: SampledMotion, body: BodyModel, parts: tuple[Part, ...]) -> Array:
+def _boxes(motion: SampledMotion, skin: SkinnedSurface, parts: tuple[Part, ...]) -> Array:
     """(T, 2, 3) corners of a box around the person and the equipment, where its pose is known [m]."""
-    skin = skinned_body(body)
+    rows = motion.body.segment_index
     boxes = np.empty((len(motion.stamps_ns), 2, 3))
     for row, (poses, is_placed) in enumerate(zip(motion.world_T_segment, motion.equipment_known, strict=True)):
         seen = [skin.posed(poses)]
         if is_placed:
-            seen += [part.placed(poses[body.segment_index[part.segment]], 0.0) for part in parts]
+            seen += [part.placed(poses[rows[part.segment]], 0.0) for part in parts]
         vertices = np.concatenate(seen)
         boxes[row] = vertices.min(axis=0), vertices.max(axis=0)
     return boxes

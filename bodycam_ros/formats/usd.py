@@ -40,7 +40,7 @@ def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     parts = [_skeleton(figure), _animation(figure, np.flatnonzero(motion.known))]
     if len(skinned.vertices):
         parts.append(_mesh(skinned))
-    parts += usd_objects(staged, options, _UP)
+    parts += usd_objects(staged, options, _UP, identifier(motion.body.name))
     name = identifier(motion.body.name)
     return f"""{MARK}
 (

@@ -1,5 +1,6 @@
 """Rigid objects of a USD document: equipment that moves, wheels that roll, ground, a place of another program."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,9 +16,17 @@ from bodycam_ros.formats.staged_motion import StagedMotion
 from bodycam_ros.formats.usd_values import identifier, single_samples, written, written_rows
 from bodycam_ros.geometry import Array, quaternion_xyzw
 
+_MATERIALS = "materials"
 
-def usd_objects(staged: StagedMotion, options: MotionOptions, up: str) -> list[str]:
-    """Prims of the equipment and of the place, in axes of which one is up unless the options change it."""
+
+def usd_objects(staged: StagedMotion, options: MotionOptions, up: str, root: str) -> list[str]:
+    """Prims of the equipment and of the place, in axes of which one is up unless the options change it.
+
+    Args:
+        staged: what is written.
+        options, up: axes and unit.
+        root: name of the prim that they are in.
+    """
     program_R_world, scale = UP_AXES[options.up or up], options.scale or 1.0
     prims = []
     if staged.parts:
@@ -26,13 +35,42 @@ def usd_objects(staged: StagedMotion, options: MotionOptions, up: str) -> list[s
         prims.append(_xform("equipment", "", inside))
     if staged.ground:
         flat = "".join(
-            _mesh(f"part_{row}", scale * each.vertices @ program_R_world.T, each.triangles, _one(each.colour))
+            _mesh(f"part_{row}", scale * each.vertices @ program_R_world.T, each.triangles, _one(each.colour, 2))
             for row, each in enumerate(staged.ground)
         )
         prims.append(_xform("ground", "", flat))
     if staged.scenery is not None:
         prims.append(_scenery(staged.scenery, program_R_world, scale))
+    whole = "".join(prims)
+    colours = sorted(set(re.findall(rf"{_MATERIALS}/(c_[0-9a-f]{{6}})>", whole)))
+    if colours:
+        prims.append(_scope(colours, root))
     return prims
+
+
+def _scope(colours: Sequence[str], root: str) -> str:
+    """Materials, for programs that heed no ``displayColor``, as Blender."""
+    materials = "".join(
+        f"""        def Material "{name}"
+        {{
+            token outputs:surface.connect = </{root}/{_MATERIALS}/{name}/surface.outputs:surface>
+
+            def Shader "surface"
+            {{
+                uniform token info:id = "UsdPreviewSurface"
+                color3f inputs:diffuseColor = {written(linear(name.removeprefix("c_")))}
+                float inputs:roughness = 0.7
+                token outputs:surface
+            }}
+        }}
+"""
+        for name in colours
+    )
+    return f"""    def Scope "{_MATERIALS}"
+    {{
+{materials}    }}
+
+"""
 
 
 def _segment(segment: EquipmentSegment, frames: NDArray[np.intp]) -> str:
@@ -44,7 +82,7 @@ def _segment(segment: EquipmentSegment, frames: NDArray[np.intp]) -> str:
         uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]
 """
     wheels = "".join(map(_wheel, segment.wheels))
-    return _xform(identifier(segment.name), moves, _parts(segment.meshes) + wheels)
+    return _xform(identifier(segment.name), moves, _parts(segment.meshes, 3) + wheels)
 
 
 def _wheel(wheel: Wheel) -> str:
@@ -57,14 +95,14 @@ def _wheel(wheel: Wheel) -> str:
 {turns}        }}
         uniform token[] xformOpOrder = ["xformOp:translate", "{op}"]
 """
-    return _xform(identifier(wheel.name), moves, _parts(wheel.meshes))
+    return _xform(identifier(wheel.name), moves, _parts(wheel.meshes, 4))
 
 
-def _parts(meshes: Sequence[ColouredMesh]) -> str:
+def _parts(meshes: Sequence[ColouredMesh], depth: int) -> str:
     made = []
     for row, each in enumerate(meshes):
         vertices, normals, triangles = with_creases(each)
-        made.append(_mesh(f"part_{row}", vertices, triangles, _one(each.colour), normals))
+        made.append(_mesh(f"part_{row}", vertices, triangles, _one(each.colour, depth), normals))
     return "".join(made)
 
 
@@ -75,8 +113,10 @@ def _scenery(scenery: Scenery, program_R_world: Array, scale: float) -> str:
     return _mesh("place", scale * scenery.vertices @ program_R_world.T, scenery.triangles, colours)
 
 
-def _one(colour: str) -> str:
-    return f"[{written(linear(colour))}]"
+def _one(colour: str, depth: int) -> str:
+    """A colour and its material, of a prim so many below that which the materials are in."""
+    material = f"        rel material:binding = <{'../' * depth}{_MATERIALS}/c_{colour.removeprefix('#')}>"
+    return f"[{written(linear(colour))}]\n{material}"
 
 
 def _xform(name: str, moves: str, inside: str) -> str:
@@ -94,7 +134,8 @@ def _mesh(name: str, vertices: Array, triangles: Faces, colours: str, normals: A
             interpolation = "vertex"
         )
 """
-    return f"""    def Mesh "{name}"
+    bound = ' (\n        prepend apiSchemas = ["MaterialBindingAPI"]\n    )' if "material:binding" in colours else ""
+    return f"""    def Mesh "{name}"{bound}
     {{
         float3[] extent = [{written(vertices.min(axis=0).tolist())}, {written(vertices.max(axis=0).tolist())}]
         int[] faceVertexCounts = [{", ".join(["3"] * len(triangles))}]

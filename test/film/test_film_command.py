@@ -10,8 +10,11 @@ import av
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface_folder import read_surfaces
 from bodycam_ros.film.character import Character
 from bodycam_ros.film.frames import EvenFrames, RecordedFrames
 from bodycam_ros.film.shots import OutsideShots, letterboxed
@@ -151,3 +154,27 @@ def test_the_person_wears_what_belongs_to_each_part(sample_out: Path) -> None:
     skin, shirt, trousers, shoes = heights
     assert shoes < trousers < shirt
     assert skin > trousers
+
+
+def test_a_scan_is_the_person(sample_out: Path, tmp_path: Path) -> None:
+    solved = read_solved_body(sample_out)
+    head = capsule_surfaces(solved.body)["head"]
+    scan = tmp_path / "scan"
+    scan.mkdir()
+    trimesh.Trimesh(head.vertices * [1.0, 1.0, 1.5], head.faces, process=False).export(scan / "head.obj")
+    tall = [
+        np.ptp(Character(solved.body, scanned=scanned).posed(solved.world_T_segment[0]).vertices[:, 2])
+        for scanned in (None, read_surfaces(scan, solved.body))
+    ]
+    assert tall[1] - tall[0] == pytest.approx(0.5 * head.vertices[:, 2].max(), abs=0.02)
+    view = "--view", "fixed", "--size", "320x180"
+    for name, flags in (("own.png", ()), ("scanned.png", ("--surface", scan))):
+        result = film(sample_out, "-o", tmp_path / name, *view, *flags)
+        assert result.returncode == 0, result.stderr
+    own, scanned_picture = (cv2.imread(str(tmp_path / name)).astype(int) for name in ("own.png", "scanned.png"))
+    assert (np.abs(own - scanned_picture).max(axis=2) > 30).sum() > 20
+    trimesh.Trimesh(head.vertices, head.faces[:-3], process=False).export(scan / "head.obj")
+    result = film(sample_out, "-o", tmp_path / "open.png", "--surface", scan)
+    assert result.returncode == 1
+    assert "the surface of head is not closed" in " ".join(result.stderr.split())
+    assert not (tmp_path / "open.png").exists()

@@ -5,13 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from helpers.athletes import AIRBORNE_S, Athlete, cyclist, snowboarder
-from helpers.exported_files import Exported
-from helpers.known_walk import START_NS, Walk, write_solved
+from helpers.athletes import AIRBORNE_S, cyclist, snowboarder
+from helpers.exported_files import Exported, solved_ride
 from helpers.read_glb import OURS_R_SCENE, ReadGlb
 from numpy.typing import NDArray
 
-from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.cli.main import main
 from bodycam_ros.environment.machines import WHEEL_M
 from bodycam_ros.geometry import transform_points
@@ -21,22 +19,14 @@ SPEED = 6.0
 Array = NDArray[np.float64]
 
 
-def solved(athlete: Athlete, folder: Path) -> Exported:
-    """The athlete as a bag of a replay without error."""
-    stamps_ns = START_NS + np.round(athlete.times * 1e9).astype(np.int64)
-    poses = np.concatenate([athlete.poses, athlete.equipment_poses], axis=1)
-    walk = Walk(coupled_body(athlete.body, athlete.equipment), stamps_ns, poses)
-    return Exported.of(write_solved(walk, folder / "ride"), folder)
-
-
 @pytest.fixture(scope="module")
 def ride(tmp_path_factory: pytest.TempPathFactory) -> Exported:
-    return solved(cyclist(1.0), tmp_path_factory.mktemp("ride"))
+    return solved_ride(cyclist(1.0), tmp_path_factory.mktemp("ride"))
 
 
 @pytest.fixture(scope="module")
 def descent(tmp_path_factory: pytest.TempPathFactory) -> Exported:
-    return solved(snowboarder(3.0), tmp_path_factory.mktemp("descent"))
+    return solved_ride(snowboarder(3.0), tmp_path_factory.mktemp("descent"))
 
 
 @pytest.fixture
