@@ -1,6 +1,6 @@
 """One picture of a film: ground and sky or a recorded image, the shadow, the points of the map, and the person."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -56,6 +56,21 @@ class OnGround(NamedTuple):
     directions: Floats
 
 
+class Band(NamedTuple):
+    """Rows of an image that were exposed together, as a rolling shutter exposes its rows.
+
+    Attributes:
+        top, bottom: the first row, and the row after the last.
+        mesh: the person at that time, with as many vertices as at all others.
+        world_T_camera: (4, 4) at that time [m].
+    """
+
+    top: int
+    bottom: int
+    mesh: PosedMesh
+    world_T_camera: Array
+
+
 Shade = Callable[[Floats], tuple[Floats, Floats, Floats]]
 """Rays (N, 3) -> light (N, 3) against them, the share that meets something (N,), and how far away (N,) [m]."""
 
@@ -104,7 +119,14 @@ class PictureMaker:
         return self.covered_share(world_T_camera) >= _DENSE
 
     def draw(
-        self, mesh: PosedMesh, world_T_camera: Array, image: Image | None, *, hidden: bool = False, shaded: bool = True
+        self,
+        mesh: PosedMesh,
+        world_T_camera: Array,
+        image: Image | None,
+        *,
+        hidden: bool = False,
+        shaded: bool = True,
+        bands: Sequence[Band] = (),
     ) -> Image:
         """A picture (H, W, 3), blue, green, red.
 
@@ -114,6 +136,7 @@ class PictureMaker:
             image: (H, W, 3) that the person is drawn over; None from outside.
             hidden: whether mapped surfaces hide what is behind them.
             shaded: whether the person throws a shadow on the ground.
+            bands: of an image whose rows were exposed one after the other; in each the person is drawn at its time.
         """
         scene = RayScene(mesh.vertices, mesh.triangles)
         lit = lit_mesh(mesh, scene)
@@ -127,7 +150,17 @@ class PictureMaker:
             if image is not None and shadow is not None:
                 on_ground = self._on_ground(world_T_camera, self._directions(world_T_camera))
                 self._darken(picture, world_T_camera, on_ground, shadow, surface)
-        self._draw_person(picture, lit, scene, world_T_camera, surface)
+        if not bands:
+            self._draw_person(picture, lit, scene, world_T_camera, surface)
+        for band in bands:
+            self._draw_person(
+                picture,
+                lit.moved(band.mesh),
+                RayScene(band.mesh.vertices, band.mesh.triangles),
+                band.world_T_camera,
+                surface,
+                (band.top, band.bottom),
+            )
         return picture
 
     def _sky(self, directions: Floats) -> Floats:
@@ -224,7 +257,13 @@ class PictureMaker:
         return OnGround(x, y, is_ground, along, directions)
 
     def _draw_person(
-        self, picture: Image, lit: LitMesh, scene: RayScene, world_T_camera: Array, surface: RayScene | None
+        self,
+        picture: Image,
+        lit: LitMesh,
+        scene: RayScene,
+        world_T_camera: Array,
+        surface: RayScene | None,
+        rows_drawn: tuple[int, int] | None = None,
     ) -> None:
         """Trace the pixels around the person, those at edges with many rays, and blend by the share that is met."""
         origin = world_T_camera[:3, 3]
@@ -241,7 +280,10 @@ class PictureMaker:
             met[rows], far[rows] = 1.0, hits.distances[rows]
             return colours, met, far
 
-        self._trace(picture, self._around(lit.mesh, world_T_camera), world_T_camera, shade)
+        top, bottom, left, right = self._around(lit.mesh, world_T_camera)
+        if rows_drawn is not None:
+            top, bottom = np.clip((top, bottom), *rows_drawn).tolist()
+        self._trace(picture, (top, bottom, left, right), world_T_camera, shade)
 
     def _trace(self, picture: Image, around: tuple[int, int, int, int], world_T_camera: Array, shade: Shade) -> None:
         """Draw what rays of a part of the picture meet."""

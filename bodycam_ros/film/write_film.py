@@ -135,7 +135,12 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
     ):
         for row, image in zip(range(count), frames.images(), strict=False):
             picture = maker.draw(
-                motion.mesh(row), shots.pose(row), shots.background(image), hidden=hides, shaded=kind != CAMERA
+                motion.mesh(row),
+                shots.pose(row),
+                shots.background(image),
+                hidden=hides,
+                shaded=kind != CAMERA,
+                bands=shots.bands(row, motion),
             )
             if request.beside is not None and image is not None:
                 picture = np.hstack([picture, letterboxed(image, (width - size[0], height))])
@@ -158,7 +163,7 @@ class FilmedMotion:
     def __init__(
         self, solved: SolvedBody, frames: Frames, progress: Progress | None = None, surface: Path | None = None
     ) -> None:
-        self._body = solved.body
+        self._solved, self._body, self._stamps_ns = solved, solved.body, frames.stamps_ns
         known = solved.equipment
         lengths = {} if known is None else dict(zip(known.lengths, known.values.tolist(), strict=True))
         scanned = None if surface is None else read_surfaces(surface, solved.body)
@@ -196,6 +201,12 @@ class FilmedMotion:
         """The person, with equipment where its pose is known, at a frame."""
         placed, rolled_m = bool(self._placed[row]), float(self._rolled[row])
         return self._character.posed(self.world_T_segment[row], with_equipment=placed, rolled_m=rolled_m)
+
+    def near(self, row: int, offset_s: float) -> tuple[Array, PosedMesh]:
+        """Poses (S, 4, 4) [m] at a time after a frame [s], and the mesh of the person."""
+        poses = self._solved.segments_near(int(self._stamps_ns[row]) + round(1e9 * offset_s))
+        placed, rolled_m = bool(self._placed[row]), float(self._rolled[row])
+        return poses, self._character.posed(poses, with_equipment=placed, rolled_m=rolled_m)
 
     def _box(self, row: int, advance: Callable[[], object]) -> Array:
         advance()

@@ -17,7 +17,7 @@ from bodycam_ros.body.limb_mesh import capsule_surfaces
 from bodycam_ros.body.surface_folder import read_surfaces
 from bodycam_ros.film.character import Character
 from bodycam_ros.film.frames import EvenFrames, RecordedFrames
-from bodycam_ros.film.shots import OutsideShots, letterboxed
+from bodycam_ros.film.shots import CameraShots, OutsideShots, letterboxed
 from bodycam_ros.film.write_film import FilmedMotion
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.results.solved_body import read_solved_body
@@ -178,3 +178,25 @@ def test_a_scan_is_the_person(sample_out: Path, tmp_path: Path) -> None:
     assert result.returncode == 1
     assert "the surface of head is not closed" in " ".join(result.stderr.split())
     assert not (tmp_path / "open.png").exists()
+
+
+def test_each_row_of_a_rolling_shutter_has_its_own_pose(sample: Path, sample_out: Path) -> None:
+    """The sample as if its rows were read out over 12 ms: rows are drawn by the poses of their times."""
+    solved = read_solved_body(sample_out)
+    frames = RecordedFrames(sample / "sample" / "bag", solved, "foot_right", "--view")
+    frames.readout_s = 0.012
+    motion = FilmedMotion(solved, frames)
+    shots = CameraShots(frames, solved, motion.world_T_segment, None, SIZE)
+    bands = shots.bands(30, motion)
+    _, top, _, height = shots.window
+    assert [band.top for band in bands] == [0 + top, *(band.bottom for band in bands[:-1])]
+    assert bands[-1].bottom == top + height
+    mount = solved.body.mounts["foot_right"]
+    for band in bands:
+        middle = (0.5 * (band.top + band.bottom) - top) / height
+        at_ns = int(frames.stamps_ns[30] + 12e6 * (middle - 0.5))
+        pose = solved.segments_near(at_ns)[solved.body.segment_index["foot_right"]] @ mount.segment_T_camera
+        np.testing.assert_allclose(band.world_T_camera, pose, atol=2e-3)
+    assert np.linalg.norm(bands[0].world_T_camera[:3, 3] - bands[-1].world_T_camera[:3, 3]) > 5e-3, "the foot moves"
+    frames.readout_s = 0.0
+    assert CameraShots(frames, solved, motion.world_T_segment, None, SIZE).bands(30, motion) == []
