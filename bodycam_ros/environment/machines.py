@@ -1,4 +1,4 @@
-"""What equipment looks like: a bicycle with wheels that roll, a snowboard; all else are tubes along its lines."""
+"""What equipment looks like: a bicycle with wheels that roll, a snowboard, a barbell; else tubes along its lines."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,6 +31,7 @@ _LINE_M = 0.014  # radius of a tube that stands for a line
 _TUBE_M, _THIN_M, _TYRE_M, _SPOKE_M = 0.017, 0.009, 0.016, 0.0022
 _SPOKES = 14
 _BOARD_M, _WAIST_M, _THICK_M = 1.52, 0.255, 0.012
+_SHAFT_M, _SLEEVE_M, _PALM_M, _PLATE_M = 0.655, 0.41, 0.12, (0.225, 0.06)  # plates: radius, thickness
 _SOLE_M = 0.011  # half of a pedal's height
 
 Mesh = tuple[Array, Faces]
@@ -63,7 +64,7 @@ class Part:
 
 
 def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, ...]:
-    """Parts of a bicycle or snowboard, known by the segments that files of equipment have; tubes of other equipment.
+    """Parts of a bicycle, snowboard or barbell, known by the segments of their files; tubes of other equipment.
 
     Args:
         body: with its equipment.
@@ -74,6 +75,8 @@ def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, 
         return tuple(_bicycle(body, lengths))
     if "board" in segments:
         return tuple(_snowboard(body))
+    if segments == {"bar"}:
+        return tuple(_barbell(body))
     lines = [(segment, end) for segment in sorted(segments) for end in bone_ends(body, segment)]
     return tuple(Part(segment, *_line(end), PAINT) for segment, end in lines)
 
@@ -134,13 +137,25 @@ def _snowboard(body: BodyModel) -> list[Part]:
     return [Part("board", *join_meshes(deck), PAINT), *(Part(binding, *plate, RUBBER) for binding in bindings)]
 
 
+def _barbell(body: BodyModel) -> list[Part]:
+    """Along the bar's y, with plates outside of the hands."""
+    held = [abs(float(joint.parent_T_joint[1, 3])) for joint in body.loop_joints if joint.parent == "bar"]
+    inside = np.array([0.0, max(_SHAFT_M, max(held, default=0.0) + _PALM_M), 0.0])
+    sleeve, plate = np.array([0.0, _SLEEVE_M, 0.0]), np.array([0.0, _PLATE_M[1], 0.0])
+    metal, rubber = [_tube(-inside - sleeve, inside + sleeve, 0.014)], []
+    for side in (-1.0, 1.0):
+        metal += [_tube(side * inside, side * (inside + sleeve), 0.025)]
+        rubber += [_tube(side * (inside + 0.25 * plate), side * (inside + 1.25 * plate), _PLATE_M[0], 48)]
+    return [Part("bar", *join_meshes(metal), METAL), Part("bar", *join_meshes(rubber), RUBBER)]
+
+
 def _line(end: Array) -> Mesh:
     """A round tube from the origin to a point (3,)."""
     return limb_mesh(np.zeros(3), end, [Ball(0.0, _LINE_M), Ball(1.0, _LINE_M)], np.array([0.0, 0.0, 1.0]))
 
 
-def _tube(start: Array, end: Array, radius: float) -> Mesh:
-    return _mesh(trimesh.creation.cylinder(radius, sections=14, segment=np.stack([start, end])), np.zeros(3))
+def _tube(start: Array, end: Array, radius: float, sections: int = 14) -> Mesh:
+    return _mesh(trimesh.creation.cylinder(radius, sections=sections, segment=np.stack([start, end])), np.zeros(3))
 
 
 def _ring(hub: Array, radius: float, thickness: float) -> Mesh:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.athletes import AIRBORNE_S, Athlete, cyclist, snowboarder
+from helpers.athletes import AIRBORNE_S, Athlete, cyclist, lifter, snowboarder
 
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.environment.environment import Environment
@@ -117,3 +117,15 @@ def test_lines_of_the_road_lie_along_it() -> None:
 def test_other_places_are_refused(text: str) -> None:
     with pytest.raises(ViewError, match=r"road, or slope:30"):
         Environment.parse(text, 1.0)
+
+
+def test_the_plates_of_a_barbell_are_outside_of_the_hands() -> None:
+    athlete = lifter(0.1)
+    parts = machine_parts(coupled_body(athlete.body, athlete.equipment), {})
+    assert {part.segment for part in parts} == {"bar"}
+    vertices = np.concatenate([part.vertices for part in parts])
+    np.testing.assert_allclose(vertices.mean(axis=0), 0.0, atol=1e-9)
+    plates = vertices[np.hypot(vertices[:, 0], vertices[:, 2]) > 0.2]
+    hands = [abs(each.on_equipment[0, 1]) for each in athlete.equipment.attachments]
+    assert np.abs(plates[:, 1]).min() > max(hands) + 0.1
+    assert set(np.sign(plates[:, 1])) == {-1.0, 1.0}
