@@ -30,7 +30,8 @@ _BRACKET = np.zeros(3)
 _LINE_M = 0.014  # radius of a tube that stands for a line
 _TUBE_M, _THIN_M, _TYRE_M, _SPOKE_M = 0.017, 0.009, 0.016, 0.0022
 _SPOKES = 14
-_BOARD_M, _WAIST_M, _THICK_M = 1.52, 0.255, 0.012
+_BOARD_M, _WAIST_M, _THICK_M = 1.52, 0.25, 0.012
+_FLAT_M, _SIDECUT_M, _RISE_M = 0.56, 0.045, 0.09  # flat from the middle on; how much wider there; how high the ends are
 _SHAFT_M, _SLEEVE_M, _PALM_M, _PLATE_M = 0.655, 0.41, 0.12, (0.225, 0.06)  # plates: radius, thickness
 _SOLE_M = 0.011  # half of a pedal's height
 
@@ -127,14 +128,33 @@ def _bicycle(body: BodyModel, lengths: Mapping[str, float]) -> list[Part]:
 
 def _snowboard(body: BodyModel) -> list[Part]:
     """Its upper face is the board's origin."""
-    straight = _BOARD_M - _WAIST_M
-    middle = np.array([0.0, 0.0, -0.5 * _THICK_M])
-    ends = [np.array([sign * 0.5 * straight, 0.0, -0.5 * _THICK_M]) for sign in (-1.0, 1.0)]
-    disc = trimesh.creation.cylinder(0.5 * _WAIST_M, _THICK_M, sections=48)
-    deck = [_mesh(trimesh.creation.box((straight, _WAIST_M, _THICK_M)), middle), *(_mesh(disc, end) for end in ends)]
     bindings = sorted(body.equipment_segments - {"board"})
     plate = _mesh(trimesh.creation.box((0.27, 0.12, 0.008)), np.array([0.0, 0.0, -0.004]))
-    return [Part("board", *join_meshes(deck), PAINT), *(Part(binding, *plate, RUBBER) for binding in bindings)]
+    return [Part("board", *_deck(), PAINT), *(Part(binding, *plate, RUBBER) for binding in bindings)]
+
+
+def _deck() -> Mesh:
+    """Narrowest in the middle, with nose and tail round and bent up."""
+    x = 0.5 * _BOARD_M * np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 49))
+    bent = np.clip((np.abs(x) - _FLAT_M) / (0.5 * _BOARD_M - _FLAT_M), 0.0, 1.0)
+    half = 0.5 * (_WAIST_M + _SIDECUT_M * np.minimum(np.abs(x) / _FLAT_M, 1.0) ** 2)
+    half *= np.sqrt(np.maximum(1.0 - bent**2, 1e-4))
+    across = np.linspace(-1.0, 1.0, 9)
+    top = np.stack(np.broadcast_arrays(x[:, None], half[:, None] * across, _RISE_M * bent[:, None] ** 2), axis=2)
+    vertices = np.concatenate([top.reshape(-1, 3), (top - [0.0, 0.0, _THICK_M]).reshape(-1, 3)])
+    rows = np.arange(top[..., 0].size, dtype=np.int32).reshape(top.shape[:2])
+    below = rows + rows.size
+    around = [(rows[:, -1], below[:, -1]), (below[:, 0], rows[:, 0]), (below[-1], rows[-1]), (rows[0], below[0])]
+    faces = [_grid(rows), _grid(below)[:, ::-1]]
+    faces += [_grid(np.stack(pair, axis=1)) for pair in around]
+    return vertices, np.concatenate(faces)
+
+
+def _grid(rows: NDArray[np.int32]) -> Faces:
+    """Triangles (T, 3) of a grid of vertices, counter-clockwise where the second index is to the left of the first."""
+    a, b, c, d = rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:], rows[:-1, 1:]
+    triangles = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)], axis=-2)
+    return triangles.reshape(-1, 3).astype(np.int32)
 
 
 def _barbell(body: BodyModel) -> list[Part]:

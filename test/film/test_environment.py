@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 from helpers.athletes import AIRBORNE_S, Athlete, cyclist, lifter, snowboarder
 
 from bodycam_ros.body.coupled_body import coupled_body
@@ -129,3 +130,13 @@ def test_the_plates_of_a_barbell_are_outside_of_the_hands() -> None:
     hands = [abs(each.on_equipment[0, 1]) for each in athlete.equipment.attachments]
     assert np.abs(plates[:, 1]).min() > max(hands) + 0.1
     assert set(np.sign(plates[:, 1])) == {-1.0, 1.0}
+
+
+def test_a_board_is_a_closed_mesh_whose_ends_rise_and_whose_sole_is_flat_under_the_feet() -> None:
+    athlete = snowboarder(0.1)
+    (board,) = (part for part in machine_parts(coupled_body(athlete.body, athlete.equipment), {}))
+    mesh = trimesh.Trimesh(board.vertices, board.triangles, process=False)
+    assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0
+    x, _, z = board.vertices.T
+    assert np.ptp(z[np.abs(x) < 0.5]) < 0.02 and z[np.abs(x) > 0.75].min() > 0.05
+    assert mesh.bounds[1, 1] == pytest.approx(-mesh.bounds[0, 1])
