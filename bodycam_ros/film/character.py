@@ -14,12 +14,12 @@ from bodycam_ros.body.skin import SkinnedSurface, skinned_body
 from bodycam_ros.body.surface import Faces, Surface, join_meshes, vertex_neighbours
 from bodycam_ros.environment.colours import linear
 from bodycam_ros.environment.machines import COLOURS, machine_parts
-from bodycam_ros.geometry import Array
+from bodycam_ros.geometry import Array, inverse, transform_points
 
-_SKIN, _SHIRT, _TROUSERS, _SHOES, _EQUIPMENT = range(5)
-_CLOTHING = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd"
+_SKIN, _SHIRT, _TROUSERS, _SHOES, _HAIR, _SOLES, _EQUIPMENT = range(7)
+_CLOTHING = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", "#4a3426", "#55595e"
 PALETTE = np.array([linear(each) for each in (*_CLOTHING, *COLOURS)], np.float32)
-"""(C, 3) colours of skin, shirt, trousers, shoes, and of equipment its paint, rubber and metal, linear in light."""
+"""(C, 3) colours, linear in light: skin, shirt, trousers, shoes, hair, soles; of equipment paint, rubber and metal."""
 
 _CLOTHES = {
     "head": _SKIN, "hand": _SKIN, "forearm": _SKIN,
@@ -29,6 +29,9 @@ _CLOTHES = {
 }  # fmt: skip
 """Kind of segment -> what is seen on it; others are as the shirt."""
 
+_HAIRLINE = (0.62, 0.62)  # height in the middle of the head, and how it rises to the front, in heights of the head
+_SOLE_M = 0.02
+_BORDER_M = 0.03  # over which shares change
 _SMOOTHINGS = 12  # of the borders of garments over neighbouring vertices
 
 
@@ -73,6 +76,24 @@ class Character:
         neighbours = _neighbours(self._skin)
         for _ in range(_SMOOTHINGS):
             self._shares = neighbours @ self._shares
+        self._add_hair_and_soles()
+
+    def _add_hair_and_soles(self) -> None:
+        """By them one sees where a person faces, and what touches the ground."""
+        nearest = self._skin.joints[:, 0]
+        for row, name in enumerate(self._body.segments):
+            kind = SegmentName(name).kind
+            rows = np.flatnonzero(nearest == row)
+            if kind not in ("head", "foot") or not len(rows):
+                continue
+            x, _, z = transform_points(inverse(self._skin.rest[row]), self._skin.vertices[rows]).T
+            if kind == "head":
+                added, inside_m = _HAIR, z - _HAIRLINE[0] * z.max() - _HAIRLINE[1] * x
+            else:
+                added, inside_m = _SOLES, z.min() + _SOLE_M - z
+            share = np.clip(0.5 + inside_m / _BORDER_M, 0.0, 1.0).astype(np.float32)
+            self._shares[rows] *= 1.0 - share[:, None]
+            self._shares[rows, added] += share
 
     def posed(self, segment_poses: Array, *, with_equipment: bool = True, rolled_m: float = 0.0) -> PosedMesh:
         """The person, and the equipment, at poses world_T_segment (S, 4, 4) [m]; wheels have rolled so far [m]."""

@@ -11,7 +11,7 @@ from helpers.athletes import AIRBORNE_S, Athlete, cyclist, lifter, snowboarder
 from bodycam_ros.body.coupled_body import coupled_body
 from bodycam_ros.environment.environment import Environment
 from bodycam_ros.environment.machines import WHEEL_M, machine_parts
-from bodycam_ros.environment.placement import Route
+from bodycam_ros.environment.placement import Route, rolled
 from bodycam_ros.errors import ViewError
 from bodycam_ros.film.frames import EvenFrames
 from bodycam_ros.film.ground import ground_colours
@@ -140,3 +140,14 @@ def test_a_board_is_a_closed_mesh_whose_ends_rise_and_whose_sole_is_flat_under_t
     x, _, z = board.vertices.T
     assert np.ptp(z[np.abs(x) < 0.5]) < 0.02 and z[np.abs(x) > 0.75].min() > 0.05
     assert mesh.bounds[1, 1] == pytest.approx(-mesh.bounds[0, 1])
+
+
+def test_a_bicycle_that_rides_itself_has_wheels_that_turn_by_its_way() -> None:
+    athlete = cyclist(1.0)
+    body = coupled_body(athlete.body, athlete.equipment)
+    poses = np.concatenate([athlete.poses, athlete.equipment_poses], axis=1)
+    travelled = SPEED * athlete.times
+    np.testing.assert_array_equal(rolled(body, poses, travelled), travelled, "on a roller")
+    ahead = poses[0, body.segment_index["frame"], :3, 0]
+    poses[..., :3, 3] += (3.0 * athlete.times)[:, None, None] * ahead
+    np.testing.assert_allclose(rolled(body, poses, travelled), travelled + 3.0 * athlete.times, atol=1e-9)

@@ -154,6 +154,11 @@ def test_the_person_wears_what_belongs_to_each_part(sample_out: Path) -> None:
     skin, shirt, trousers, shoes = heights
     assert shoes < trousers < shirt
     assert skin > trousers
+    head = solved.world_T_segment[0, solved.body.segment_index["head"]]
+    hair, soles = (mesh.vertices[worn == garment] for garment in (4, 5))
+    in_head = transform_points(inverse(head), hair.astype(float))
+    assert in_head[:, 0].mean() < -0.01 and in_head[:, 2].min() > 0.05, "the face is left free"
+    assert np.median(soles[:, 2]) < shoes
 
 
 def test_a_scan_is_the_person(sample_out: Path, tmp_path: Path) -> None:
