@@ -14,14 +14,14 @@ from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.formats.skinned_figure import SkinnedFigure
 from bodycam_ros.formats.staged_motion import staged_motion
-from bodycam_ros.formats.usd_objects import usd_objects
+from bodycam_ros.formats.usd_objects import SKIN, bound_material, usd_materials, usd_objects
 from bodycam_ros.formats.usd_values import identifier, matrices, samples, tokens, written, written_rows
 from bodycam_ros.geometry import quaternion_xyzw, rigid
 
 MARK = "#usda 1.0"
 
 _UP = "z"
-_SKIN_COLOUR = "(0.85, 0.68, 0.56)"
+_SKIN_COLOUR = (0.85, 0.68, 0.56)
 
 
 def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
@@ -40,7 +40,8 @@ def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     parts = [_skeleton(figure), _animation(figure, np.flatnonzero(motion.known))]
     if len(skinned.vertices):
         parts.append(_mesh(skinned))
-    parts += usd_objects(staged, options, _UP, identifier(motion.body.name))
+    parts += usd_objects(staged, options, _UP)
+    parts.append(usd_materials(staged, _SKIN_COLOUR, identifier(motion.body.name)))
     name = identifier(motion.body.name)
     return f"""{MARK}
 (
@@ -102,7 +103,7 @@ def _mesh(skin: SkinnedFigure) -> str:
     weights = ", ".join(f"{weight:.6g}" for weight in skin.weights.ravel().tolist())
     low, high = (written(end.tolist()) for end in (skin.vertices.min(axis=0), skin.vertices.max(axis=0)))
     return f"""    def Mesh "skin" (
-        prepend apiSchemas = ["SkelBindingAPI"]
+        prepend apiSchemas = ["SkelBindingAPI", "MaterialBindingAPI"]
     )
     {{
         float3[] extent = [{low}, {high}]
@@ -112,7 +113,7 @@ def _mesh(skin: SkinnedFigure) -> str:
             interpolation = "vertex"
         )
         point3f[] points = [{written_rows(skin.vertices)}]
-        color3f[] primvars:displayColor = [{_SKIN_COLOUR}]
+        color3f[] primvars:displayColor = [{written(_SKIN_COLOUR)}]
         matrix4d primvars:skel:geomBindTransform = ( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )
         int[] primvars:skel:jointIndices = [{bones}] (
             elementSize = {MOST_BONES}
@@ -122,6 +123,7 @@ def _mesh(skin: SkinnedFigure) -> str:
             elementSize = {MOST_BONES}
             interpolation = "vertex"
         )
+        {bound_material(SKIN, 1)}
         rel skel:skeleton = <../skeleton>
         uniform token subdivisionScheme = "none"
     }}

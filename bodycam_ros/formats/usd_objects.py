@@ -1,6 +1,5 @@
 """Rigid objects of a USD document: equipment that moves, wheels that roll, ground, a place of another program."""
 
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.surface import Faces
 from bodycam_ros.environment.colours import linear
 from bodycam_ros.environment.ground_mesh import ColouredMesh
+from bodycam_ros.environment.machines import COLOURS
 from bodycam_ros.environment.scenery import Scenery
 from bodycam_ros.formats.equipment_figure import EquipmentSegment, Wheel, equipment_segments, with_creases
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions
@@ -16,17 +16,14 @@ from bodycam_ros.formats.staged_motion import StagedMotion
 from bodycam_ros.formats.usd_values import identifier, single_samples, written, written_rows
 from bodycam_ros.geometry import Array, quaternion_xyzw
 
+SKIN = "skin"
+"""Name of the person's material."""
+
 _MATERIALS = "materials"
 
 
-def usd_objects(staged: StagedMotion, options: MotionOptions, up: str, root: str) -> list[str]:
-    """Prims of the equipment and of the place, in axes of which one is up unless the options change it.
-
-    Args:
-        staged: what is written.
-        options, up: axes and unit.
-        root: name of the prim that they are in.
-    """
+def usd_objects(staged: StagedMotion, options: MotionOptions, up: str) -> list[str]:
+    """Prims of the equipment and of the place, in axes of which one is up unless the options change it."""
     program_R_world, scale = UP_AXES[options.up or up], options.scale or 1.0
     prims = []
     if staged.parts:
@@ -41,15 +38,19 @@ def usd_objects(staged: StagedMotion, options: MotionOptions, up: str, root: str
         prims.append(_xform("ground", "", flat))
     if staged.scenery is not None:
         prims.append(_scenery(staged.scenery, program_R_world, scale))
-    whole = "".join(prims)
-    colours = sorted(set(re.findall(rf"{_MATERIALS}/(c_[0-9a-f]{{6}})>", whole)))
-    if colours:
-        prims.append(_scope(colours, root))
     return prims
 
 
-def _scope(colours: Sequence[str], root: str) -> str:
-    """Materials, for programs that heed no ``displayColor``, as Blender."""
+def usd_materials(staged: StagedMotion, skin: Sequence[float], root: str) -> str:
+    """A scope with the materials of all prims, for programs that heed no ``displayColor``, as Blender.
+
+    Args:
+        staged: what is written.
+        skin: colour of the person, linear in light.
+        root: name of the prim that it is in.
+    """
+    used = {COLOURS[part.colour] for part in staged.parts} | {each.colour for each in staged.ground}
+    colours = {SKIN: skin, **{_name(colour): linear(colour) for colour in sorted(used)}}
     materials = "".join(
         f"""        def Material "{name}"
         {{
@@ -58,13 +59,13 @@ def _scope(colours: Sequence[str], root: str) -> str:
             def Shader "surface"
             {{
                 uniform token info:id = "UsdPreviewSurface"
-                color3f inputs:diffuseColor = {written(linear(name.removeprefix("c_")))}
+                color3f inputs:diffuseColor = {written(colour)}
                 float inputs:roughness = 0.7
                 token outputs:surface
             }}
         }}
 """
-        for name in colours
+        for name, colour in colours.items()
     )
     return f"""    def Scope "{_MATERIALS}"
     {{
@@ -115,8 +116,16 @@ def _scenery(scenery: Scenery, program_R_world: Array, scale: float) -> str:
 
 def _one(colour: str, depth: int) -> str:
     """A colour and its material, of a prim so many below that which the materials are in."""
-    material = f"        rel material:binding = <{'../' * depth}{_MATERIALS}/c_{colour.removeprefix('#')}>"
-    return f"[{written(linear(colour))}]\n{material}"
+    return f"[{written(linear(colour))}]\n        {bound_material(_name(colour), depth)}"
+
+
+def bound_material(name: str, depth: int) -> str:
+    """The line of a prim, so many below that which the materials are in, with its material."""
+    return f"rel material:binding = <{'../' * depth}{_MATERIALS}/{name}>"
+
+
+def _name(colour: str) -> str:
+    return f"c_{colour.removeprefix('#')}"
 
 
 def _xform(name: str, moves: str, inside: str) -> str:

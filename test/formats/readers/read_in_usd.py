@@ -51,7 +51,7 @@ def main(file, output):
     bound = [
         str(UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0].GetPath())
         for prim in stage.Traverse()
-        if prim.IsA(UsdGeom.Mesh) and prim.GetName().startswith("part_")
+        if prim.IsA(UsdGeom.Mesh)
     ]
     said = {
         "objects": objects,
