@@ -94,7 +94,7 @@ docs/show/beside.jpg: VIEW = --view follow --beside head --from 1
 docs/show/photo.jpg: VIEW = --view photo:ref_0048 --from 0.5
 docs/show/road.jpg: VIEW = --environment road --travel 1 --from 1
 SHOW := $(addprefix docs/show/,follow.jpg camera.jpg beside.jpg photo.jpg road.jpg)
-$(SHOW): $(wildcard bodycam_ros/film/*.py) Makefile | $(DEMO)/metadata.yaml
+$(SHOW): $(wildcard bodycam_ros/film/*.py bodycam_ros/environment/*.py) Makefile | $(DEMO)/metadata.yaml
 	mkdir -p $(@D)
 	$(SHOWN) $(VIEW)
 

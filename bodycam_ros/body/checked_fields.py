@@ -1,12 +1,13 @@
 """Values of a body or equipment file, checked by msgspec; ``where`` begins the message: "joint spine: axis"."""
 
-from typing import Annotated, Any
+import re
+from typing import Annotated, Any, get_args, get_type_hints
 
 import msgspec
 import numpy as np
 
 from bodycam_ros.errors import BodyError
-from bodycam_ros.files.shown import shown
+from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
 
 _QUATERNION_TOLERANCE = 1e-3  # a length that differs more from 1 is a slip of the pen, not rounding
@@ -40,8 +41,25 @@ def read_entry(kind: Any, value: Any, where: str) -> Any:
             problem = "Expected printable characters"
         if problem.startswith("Expected str, got"):
             problem += " (put a number that is meant as a name in quotes)"
+        problem += _remedy(kind, problem, place.lstrip("."))
         field = f"{where}: {place.lstrip('.')}" if place else where
         raise BodyError(f"{field}: {problem.replace('Object', 'table')}, in {shown(value)}") from error
+
+
+_FIELD = re.compile(r"unknown field (\S+)$")
+
+
+def _remedy(kind: Any, problem: str, place: str) -> str:
+    """What to do about some slips of the pen, after the problem; else nothing."""
+    if (unknown := _FIELD.search(problem)) and not place:
+        return f"; {other_than(unknown[1], getattr(kind, '__struct_fields__', ()))}"
+    if problem.startswith("Expected array of length"):
+        return " (numbers have a decimal point; commas are between them)"
+    if problem.startswith(("Expected float, got str", "Expected int, got str")):
+        return " (a number alone, without its unit)"
+    if problem.startswith("Invalid enum value") and (allowed := get_args(get_type_hints(kind).get(place))):
+        return f"; expected {' or '.join(map(str, allowed))}"
+    return ""
 
 
 def pose_of(origin: Point, quaternion: Quaternion, where: str) -> Array:

@@ -44,6 +44,11 @@ def coupled_body(body: BodyModel, equipment: Equipment | None) -> BodyModel:
     equipment = fitted_equipment(equipment, body)
     if twice := sorted(set(equipment.mounts) & set(body.mounts)):
         raise BodyError(f"equipment {equipment.name}: camera {', '.join(twice)} is on body {body.name} as well")
+    if twice := sorted(set(equipment.segments) & set(body.segments)):
+        raise BodyError(
+            f"equipment {equipment.name}: segment {', '.join(twice)} is one of body {body.name} as well; name the "
+            "equipment's otherwise"
+        )
     beside = Joint(equipment.name, body.root, equipment.root, "free", np.eye(4))
     try:
         return replace(

@@ -19,6 +19,7 @@
 Joints and cameras are as in a body file, in metres; points and unknown lengths are in millimetres.
 """
 
+import logging
 from dataclasses import replace
 from importlib.resources import files
 from itertools import pairwise
@@ -38,8 +39,11 @@ from bodycam_ros.files.yaml_file import read_yaml
 from bodycam_ros.geometry import Array, exp_so3, rigid
 from bodycam_ros.kinematics.joint import FARTHEST_M, TIGHT_M, Joint
 
+logger = logging.getLogger(__name__)
+
 _MOST_PARTS = 100  # segments, joints, attachments, cameras, pairs of an attachment
 _LEAST_UNKNOWN_MM = 1.0  # less than a ruler shows is known, or was written in metres
+_CENTIMETRES_MM = 60.0  # no equipment is held so near to the joints: a hand is 300 from the elbow
 _LEAST_PLACE_MM = 2.0  # a point nearer to its segment's origin was written in metres
 _MOST_MM = 1e3 * FARTHEST_M
 _HOLDS = {"detected": True, "always": False}
@@ -124,9 +128,34 @@ def read_equipment(name_or_path: str | Path) -> Equipment:
     path = equipment_path(name_or_path)
     document = read_yaml(path, "equipment file", BodyError)
     try:
-        return _equipment(read_entry(_EquipmentEntry, document, "an equipment file"))
+        equipment = _equipment(read_entry(_EquipmentEntry, document, "an equipment file"))
     except BodyError as error:
         raise BodyError(f"{path}: {error}") from error
+    for doubt in _doubts(equipment):
+        logger.warning("%s: %s", path, doubt)
+    return equipment
+
+
+def _doubts(equipment: Equipment) -> list[str]:
+    """What is possible, but hardly meant."""
+    doubts, attachments = [], equipment.attachments
+    points = np.concatenate([side for each in attachments for side in (each.on_body, each.on_equipment)])
+    farthest_mm = 1e3 * float(np.linalg.norm(points, axis=1).max())
+    if 0.0 < farthest_mm < _CENTIMETRES_MM:
+        doubts.append(
+            f"all points of attachments are within {farthest_mm:.0f} mm of the origins of their segments, as if they "
+            "were in centimetres; write millimetres"
+        )
+    if len({each.equipment_segment for each in attachments}) == 1:
+        common = np.all([each.unknown > 0.0 for each in attachments], axis=0)
+        if common.any():
+            axes = ", ".join(axis for axis, is_common in zip("xyz", common, strict=True) if is_common)
+            segment = attachments[0].equipment_segment
+            doubts.append(
+                f"attachments {', '.join(each.name for each in attachments)}: unknown is above 0 along {axes} in all "
+                f"of them, so nothing tells where {segment} is along it; give one of them 0 there"
+            )
+    return doubts
 
 
 def _equipment(entry: _EquipmentEntry) -> Equipment:

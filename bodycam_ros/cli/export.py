@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.cli.options import add_output, add_span, given_flags, given_span
+from bodycam_ros.cli.options import add_output, add_span, given_flags, given_span, number
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.files.output_place import check_output
@@ -44,6 +44,14 @@ _OPTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "surface": (
         "scan of the person, a mesh per segment (thigh_left.obj or .ply), that is the skin; others have their girths",
         {"type": Path, "metavar": "FOLDER"},
+    ),
+    "environment": (
+        "place that was not there: road, slope:30 of so many degrees, or FILE.glb",
+        {"metavar": "PLACE"},
+    ),
+    "travel": (
+        "with --environment: speed that is added to the motion (default: 0)",
+        {"type": number(float, 0.0, 60.0, "m/s"), "metavar": "M/S"},
     ),
     "bones": ("names of the character's bones, lines such as 'thigh_left: NAME'", {"type": Path, "metavar": "YAML"}),
 }
@@ -88,7 +96,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _export_robot(arguments, options)
     if given := given_flags(arguments, "urdf", "mapping"):
         raise SettingsError(f"{', '.join(given)}: has no effect on {arguments.to}, only on {ROBOT}; leave it out")
-    check_output(output, (*sources, options.character, options.bones, options.surface))
+    place = None if options.environment is None else Path(options.environment)  # of a file, or what is none
+    check_output(output, (*sources, options.character, options.bones, options.surface, place))
     with shown_progress() as progress:
         written = export(sources, arguments.to, output, arguments.force, options, progress, span)
     print(f"written to {' and '.join(printable(str(path)) for path in written)}")

@@ -40,12 +40,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     travel_help = "with --environment: speed that is added to the motion (0)"
     speed = number(float, 0.0, 60.0, "m/s")
     add_option(parser, "--travel", type=speed, metavar="M/S", needs="environment", help=travel_help)
+    surface_help = "scan of the person, a mesh per segment (thigh_left.obj or .ply); other segments have their girths"
+    parser.add_argument("--surface", type=Path, metavar="FOLDER", help=surface_help)
     add_span(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    from bodycam_ros.film.environment import Environment
+    from bodycam_ros.environment.environment import Environment
     from bodycam_ros.film.write_film import FilmRequest, write_film
 
     output: Path = arguments.output
@@ -64,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.rate,
         given_span(arguments),
         None if arguments.environment is None else Environment.parse(arguments.environment, arguments.travel or 0.0),
+        arguments.surface,
     )
     terminal = Terminal()
     with shown_progress() as progress:

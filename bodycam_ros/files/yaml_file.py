@@ -103,7 +103,7 @@ def yaml_document(text: str, what: str, error_type: type[BodycamError]) -> Any:
         _Inspection().inspect(text)
         document = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
-        raise error_type(f"this {what} is not YAML: {_told(error)}") from error
+        raise error_type(f"this {what} is not YAML: {_told(error, text)}") from error
     if isinstance(document, dict):
         kind = next((kind for kind, is_of_it in _KINDS.items() if is_of_it(document)), what)
         if kind != what:
@@ -213,9 +213,20 @@ def _fault(problem: str, mark: Any) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=problem, problem_mark=mark)
 
 
-def _told(error: Exception) -> str:
+def _yaml_remedy(problem: str, text: str, line: int) -> str:
+    """What to do about the slips that people who are new to YAML make; else nothing."""
+    lines = text.splitlines()
+    if "\t" in "".join(lines[line : line + 1]):
+        return "; the line has a tab: indent it with spaces"
+    if problem.startswith("mapping values are not allowed") and line > 0:
+        return "; lacks the line before a colon after its name, or is this one indented too far?"
+    return ""
+
+
+def _told(error: Exception, text: str) -> str:
     """Where and what in one line."""
     if isinstance(error, yaml.MarkedYAMLError) and error.problem_mark is not None:
         context = f"{error.context}: " if error.context else ""
-        return f"line {error.problem_mark.line + 1}: {context}{error.problem}"
+        line = error.problem_mark.line
+        return f"line {line + 1}: {context}{error.problem}{_yaml_remedy(str(error.problem), text, line)}"
     return " ".join(str(error).split())

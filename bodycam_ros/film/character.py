@@ -9,28 +9,17 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, eye_array
 
 from bodycam_ros.body.body_model import BodyModel
-from bodycam_ros.body.limb_mesh import Ball, limb_mesh
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin import SkinnedSurface, skinned_body
-from bodycam_ros.body.stick_figure import Bone, body_bones
-from bodycam_ros.body.surface import Faces, join_meshes, vertex_neighbours
-from bodycam_ros.film.machines import machine_parts
-from bodycam_ros.geometry import Array
-from bodycam_ros.results.picture_style import EQUIPMENT, rgb
+from bodycam_ros.body.surface import Faces, Surface, join_meshes, vertex_neighbours
+from bodycam_ros.environment.colours import linear
+from bodycam_ros.environment.machines import COLOURS, machine_parts
+from bodycam_ros.geometry import Array, inverse, transform_points
 
-GAMMA = 2.2
-"""Exponent from values of a picture to light."""
-
-
-def linear(colour: str) -> tuple[float, ...]:
-    """Red, green and blue, linear in light, 0 to 1, of ``#rrggbb``."""
-    return tuple((value / 255.0) ** GAMMA for value in rgb(colour))
-
-
-_SKIN, _SHIRT, _TROUSERS, _SHOES, _PAINT, _RUBBER, _METAL = range(7)
-_COLOURS = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", EQUIPMENT, "#26282b", "#a4aab0"
-PALETTE = np.array([linear(each) for each in _COLOURS], np.float32)
-"""(C, 3) colours of skin, shirt, trousers, shoes, and of equipment its paint, rubber and metal, linear in light."""
+_SKIN, _SHIRT, _TROUSERS, _SHOES, _HAIR, _SOLES, _EQUIPMENT = range(7)
+_CLOTHING = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", "#4a3426", "#55595e"
+PALETTE = np.array([linear(each) for each in (*_CLOTHING, *COLOURS)], np.float32)
+"""(C, 3) colours, linear in light: skin, shirt, trousers, shoes, hair, soles; of equipment paint, rubber and metal."""
 
 _CLOTHES = {
     "head": _SKIN, "hand": _SKIN, "forearm": _SKIN,
@@ -40,8 +29,9 @@ _CLOTHES = {
 }  # fmt: skip
 """Kind of segment -> what is seen on it; others are as the shirt."""
 
-_TUBE_M = 0.014
-_SHORTEST_M = 1e-3
+_HAIRLINE = (0.62, 0.62)  # height in the middle of the head, and how it rises to the front, in heights of the head
+_SOLE_M = 0.02
+_BORDER_M = 0.03  # over which shares change
 _SMOOTHINGS = 12  # of the borders of garments over neighbouring vertices
 
 
@@ -66,20 +56,44 @@ class Character:
     Args:
         body: with its equipment.
         lengths: of the equipment, as they were estimated [m]; see ``machine_parts``.
+        scanned: segment -> its surface, of some segments; others are as thick as their girths.
 
     Raises:
-        BodyError: no segment has a length to put a skin around.
+        BodyError: no segment has a length to put a skin around, or a scanned surface is not closed.
     """
 
-    def __init__(self, body: BodyModel, lengths: Mapping[str, float] = MappingProxyType({})) -> None:
+    def __init__(
+        self,
+        body: BodyModel,
+        lengths: Mapping[str, float] = MappingProxyType({}),
+        scanned: Mapping[str, Surface] | None = None,
+    ) -> None:
         self._body = body
-        self._skin = skinned_body(body)
+        self._skin = skinned_body(body, scanned)
         self._parts = machine_parts(body, lengths)
         clothes = np.array([_CLOTHES.get(SegmentName(name).kind, _SHIRT) for name in body.segments])
         self._shares = _segment_shares(self._skin, len(body.segments)) @ np.eye(len(PALETTE), dtype=np.float32)[clothes]
         neighbours = _neighbours(self._skin)
         for _ in range(_SMOOTHINGS):
             self._shares = neighbours @ self._shares
+        self._add_hair_and_soles()
+
+    def _add_hair_and_soles(self) -> None:
+        """By them one sees where a person faces, and what touches the ground."""
+        nearest = self._skin.joints[:, 0]
+        for row, name in enumerate(self._body.segments):
+            kind = SegmentName(name).kind
+            rows = np.flatnonzero(nearest == row)
+            if kind not in ("head", "foot") or not len(rows):
+                continue
+            x, _, z = transform_points(inverse(self._skin.rest[row]), self._skin.vertices[rows]).T
+            if kind == "head":
+                added, inside_m = _HAIR, z - _HAIRLINE[0] * z.max() - _HAIRLINE[1] * x
+            else:
+                added, inside_m = _SOLES, z.min() + _SOLE_M - z
+            share = np.clip(0.5 + inside_m / _BORDER_M, 0.0, 1.0).astype(np.float32)
+            self._shares[rows] *= 1.0 - share[:, None]
+            self._shares[rows, added] += share
 
     def posed(self, segment_poses: Array, *, with_equipment: bool = True, rolled_m: float = 0.0) -> PosedMesh:
         """The person, and the equipment, at poses world_T_segment (S, 4, 4) [m]; wheels have rolled so far [m]."""
@@ -89,12 +103,7 @@ class Character:
             for part in self._parts:
                 pose = segment_poses[self._body.segment_index[part.segment]]
                 meshes.append((part.placed(pose, rolled_m), part.triangles))
-                colours.append(_PAINT + part.colour)
-            if not self._parts:
-                bones = [bone for bone in body_bones(self._body, segment_poses) if bone.is_equipment]
-                tubes = [tube(bone.start[0], bone.end[0]) for bone in bones if _length(bone) > _SHORTEST_M]
-                meshes += tubes
-                colours += [_PAINT] * len(tubes)
+                colours.append(_EQUIPMENT + part.colour)
         shares = [self._shares]
         for (vertices, _), colour in zip(meshes[1:], colours, strict=True):
             one = np.zeros((len(vertices), len(PALETTE)), np.float32)
@@ -102,11 +111,6 @@ class Character:
             shares.append(one)
         vertices, triangles = join_meshes(meshes)
         return PosedMesh(vertices.astype(np.float32), triangles, np.concatenate(shares))
-
-
-def tube(start: Array, end: Array) -> tuple[Array, Faces]:
-    """A closed mesh (V, 3), (T, 3) around a line between two points (3,) [m]."""
-    return limb_mesh(start, end, [Ball(0.0, _TUBE_M), Ball(1.0, _TUBE_M)], np.array([0.0, 0.0, 1.0]))
 
 
 def _segment_shares(skin: SkinnedSurface, segments: int) -> NDArray[np.float32]:
@@ -124,7 +128,3 @@ def _neighbours(skin: SkinnedSurface) -> csr_array:
     count = len(skin.vertices)
     beside = vertex_neighbours(count, skin.triangles).astype(np.float32) + eye_array(count, dtype=np.float32)
     return csr_array(diags_array(1.0 / beside.sum(axis=1)) @ beside)
-
-
-def _length(bone: Bone) -> float:
-    return float(np.linalg.norm(bone.end[0] - bone.start[0]))

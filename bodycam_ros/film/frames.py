@@ -43,6 +43,7 @@ class RecordedFrames:
         lens: as the recording has it.
         stamps_ns: (F,) by the camera's corrected clock [ns].
         rate_hz: about as many a second.
+        readout_s: from the exposure of the first row to that of the last [s]; 0 where it is not known.
 
     Raises:
         ViewError: there is no recording, it has no such camera, or no image from that time.
@@ -59,6 +60,8 @@ class RecordedFrames:
             self.lens: CameraModel = bag.camera_model(camera)
             given_ns = bag.image_times()[camera][:, 1]
         clock = read_clock(solved.path, camera)
+        readout = None if clock is None else clock.readout
+        self.readout_s = 0.0 if readout is None else readout.in_use
         corrected_ns = given_ns if clock is None else clock.corrected_ns(given_ns)
         inside = (corrected_ns >= solved.stamps_ns[0]) & (corrected_ns <= solved.stamps_ns[-1])
         if not inside.any():

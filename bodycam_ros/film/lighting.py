@@ -37,6 +37,10 @@ class LitMesh:
     sun: Floats
     sky: Floats
 
+    def moved(self, mesh: PosedMesh) -> "LitMesh":
+        """The same light on the mesh of a time so near that shadows are the same."""
+        return LitMesh(mesh, vertex_normals(mesh.vertices, mesh.triangles), self.sun, self.sky)
+
     def colours(self, triangles: NDArray[np.int32], shares: Floats, directions: Floats) -> Floats:
         """(N, 3) light, linear, that points on triangles (N,) with shares (N, 3) send against rays (N, 3)."""
         corners = self.mesh.triangles[triangles]

@@ -1,6 +1,6 @@
 """One picture of a film: ground and sky or a recorded image, the shadow, the points of the map, and the person."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.film.character import GAMMA, PosedMesh
+from bodycam_ros.environment.colours import GAMMA
+from bodycam_ros.film.character import PosedMesh
+from bodycam_ros.film.ground import ground_colours
 from bodycam_ros.film.lighting import GroundShadow, LitMesh, ground_shadow, lit_mesh
+from bodycam_ros.film.lit_scenery import LitScenery
 from bodycam_ros.film.place import Place
 from bodycam_ros.film.ray_scene import Floats, RayScene
-from bodycam_ros.film.scenery import Scenery
 from bodycam_ros.film.views import UP, Window
 from bodycam_ros.geometry import Array, inverse, transform_points
 
@@ -54,6 +56,21 @@ class OnGround(NamedTuple):
     directions: Floats
 
 
+class Band(NamedTuple):
+    """Rows of an image that were exposed together, as a rolling shutter exposes its rows.
+
+    Attributes:
+        top, bottom: the first row, and the row after the last.
+        mesh: the person at that time, with as many vertices as at all others.
+        world_T_camera: (4, 4) at that time [m].
+    """
+
+    top: int
+    bottom: int
+    mesh: PosedMesh
+    world_T_camera: Array
+
+
 Shade = Callable[[Floats], tuple[Floats, Floats, Floats]]
 """Rays (N, 3) -> light (N, 3) against them, the share that meets something (N,), and how far away (N,) [m]."""
 
@@ -84,6 +101,10 @@ class PictureMaker:
         seen[top : top + inner_height, left : left + inner_width] = True
         return bearings.reshape(height, width, 3).astype(np.float32), seen & valid.reshape(height, width)
 
+    @cached_property
+    def _scenery(self) -> LitScenery | None:
+        return None if self.place.scenery is None else LitScenery(self.place.scenery)
+
     def covered_share(self, world_T_camera: Array) -> float:
         """Share of the picture that mapped surfaces cover, of a coarse grid of its pixels."""
         if self.place.surface is None:
@@ -98,7 +119,14 @@ class PictureMaker:
         return self.covered_share(world_T_camera) >= _DENSE
 
     def draw(
-        self, mesh: PosedMesh, world_T_camera: Array, image: Image | None, *, hidden: bool = False, shaded: bool = True
+        self,
+        mesh: PosedMesh,
+        world_T_camera: Array,
+        image: Image | None,
+        *,
+        hidden: bool = False,
+        shaded: bool = True,
+        bands: Sequence[Band] = (),
     ) -> Image:
         """A picture (H, W, 3), blue, green, red.
 
@@ -108,10 +136,11 @@ class PictureMaker:
             image: (H, W, 3) that the person is drawn over; None from outside.
             hidden: whether mapped surfaces hide what is behind them.
             shaded: whether the person throws a shadow on the ground.
+            bands: of an image whose rows were exposed one after the other; in each the person is drawn at its time.
         """
         scene = RayScene(mesh.vertices, mesh.triangles)
         lit = lit_mesh(mesh, scene)
-        ground, scenery = self.place.ground_m, self.place.scenery
+        ground, scenery = self.place.ground_m, self._scenery
         surface = self.place.surface if hidden else None
         if scenery is not None:
             picture, surface = self._in_scenery(world_T_camera, scenery, scene), scenery.rays
@@ -121,7 +150,17 @@ class PictureMaker:
             if image is not None and shadow is not None:
                 on_ground = self._on_ground(world_T_camera, self._directions(world_T_camera))
                 self._darken(picture, world_T_camera, on_ground, shadow, surface)
-        self._draw_person(picture, lit, scene, world_T_camera, surface)
+        if not bands:
+            self._draw_person(picture, lit, scene, world_T_camera, surface)
+        for band in bands:
+            self._draw_person(
+                picture,
+                lit.moved(band.mesh),
+                RayScene(band.mesh.vertices, band.mesh.triangles),
+                band.world_T_camera,
+                surface,
+                (band.top, band.bottom),
+            )
         return picture
 
     def _sky(self, directions: Floats) -> Floats:
@@ -132,7 +171,7 @@ class PictureMaker:
         sky: Floats = (1.0 - share) * _HORIZON + share * (_SKY if route is None else _OPEN_SKY)
         return sky
 
-    def _in_scenery(self, world_T_camera: Array, scenery: Scenery, scene: RayScene) -> Image:
+    def _in_scenery(self, world_T_camera: Array, scenery: LitScenery, scene: RayScene) -> Image:
         """Sky and meshes of another program, which the person throws a shadow on."""
         pixels = np.clip(self._sky(self._directions(world_T_camera)), 0.0, 255.0).astype(np.uint8)
         whole = 0, self.lens.height, 0, self.lens.width
@@ -155,7 +194,7 @@ class PictureMaker:
             line = np.maximum(_line_share(x), _line_share(y))
             ground = _GROUND + line[..., None] * (_LINE - _GROUND)
             if route is not None:
-                ground = route.environment.ground(x, y, route.start, route.heading)
+                ground = ground_colours(route, x, y)
                 fade = np.clip((away - _FADE_M[1]) / (4.0 * _FADE_M[1]), 0.0, 1.0)
             ground = ground + fade[..., None] * (_HORIZON - ground)
             picture = np.where(is_ground[..., None], ground, picture)
@@ -218,7 +257,13 @@ class PictureMaker:
         return OnGround(x, y, is_ground, along, directions)
 
     def _draw_person(
-        self, picture: Image, lit: LitMesh, scene: RayScene, world_T_camera: Array, surface: RayScene | None
+        self,
+        picture: Image,
+        lit: LitMesh,
+        scene: RayScene,
+        world_T_camera: Array,
+        surface: RayScene | None,
+        rows_drawn: tuple[int, int] | None = None,
     ) -> None:
         """Trace the pixels around the person, those at edges with many rays, and blend by the share that is met."""
         origin = world_T_camera[:3, 3]
@@ -235,7 +280,10 @@ class PictureMaker:
             met[rows], far[rows] = 1.0, hits.distances[rows]
             return colours, met, far
 
-        self._trace(picture, self._around(lit.mesh, world_T_camera), world_T_camera, shade)
+        top, bottom, left, right = self._around(lit.mesh, world_T_camera)
+        if rows_drawn is not None:
+            top, bottom = np.clip((top, bottom), *rows_drawn).tolist()
+        self._trace(picture, (top, bottom, left, right), world_T_camera, shade)
 
     def _trace(self, picture: Image, around: tuple[int, int, int, int], world_T_camera: Array, shade: Shade) -> None:
         """Draw what rays of a part of the picture meet."""

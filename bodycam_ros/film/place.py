@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from bodycam_ros.film.environment import Environment
+from bodycam_ros.environment.placement import Route
+from bodycam_ros.environment.scenery import Scenery
 from bodycam_ros.film.ray_scene import RayScene
-from bodycam_ros.film.scenery import Scenery
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
 
@@ -19,26 +19,6 @@ _NEIGHBOURS = 4  # a disc reaches as far as so many neighbours
 _LARGEST_M = 0.15  # radius of a disc: where points are farther apart there is no surface
 _GROUND_M = 0.06  # discs so near to the ground hide no feet
 _CORNERS = 6  # of a disc
-
-
-@dataclass(frozen=True, eq=False)
-class Route:
-    """Where the motion goes in an environment.
-
-    Attributes:
-        environment: road or slope.
-        start: (3,) [m].
-        heading: (3,) unit, level.
-    """
-
-    environment: Environment
-    start: Array
-    heading: Array
-
-    @property
-    def up(self) -> Array:
-        """(3,) unit vector against gravity."""
-        return self.environment.up(self.heading)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,6 @@
 """How each view of a film gives its lens, its poses and what is behind the person."""
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Protocol
 
@@ -10,8 +11,9 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import read_image_file
 from bodycam_ros.errors import MapError, ViewError
 from bodycam_ros.files.shown import other_than, shown
+from bodycam_ros.film.character import PosedMesh
 from bodycam_ros.film.frames import RecordedFrames
-from bodycam_ros.film.picture import Image
+from bodycam_ros.film.picture import Band, Image
 from bodycam_ros.film.views import OUTSIDE, UP, Window, fitted_lens, fitted_window, outside_lens, outside_poses
 from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
@@ -19,6 +21,15 @@ from bodycam_ros.results.solved_body import SolvedBody
 from bodycam_ros.static_cameras.static_camera import StaticCamera
 
 CAMERA, PHOTOGRAPH = "camera", "photo"
+
+_BANDS = 12  # of an image whose rows are read out one after the other
+
+
+class Moments(Protocol):
+    """A motion at times near the frames of a film."""
+
+    def near(self, row: int, offset_s: float) -> tuple[Array, PosedMesh]:
+        """Poses (S, 4, 4) [m] at a time after a frame [s], and the mesh of the person."""
 
 
 class Shots(Protocol):
@@ -29,6 +40,9 @@ class Shots(Protocol):
 
     def pose(self, row: int) -> Array:
         """world_T_camera (4, 4) at a frame [m]."""
+
+    def bands(self, row: int, moments: Moments) -> list[Band]:
+        """Rows of a frame that were exposed together, with the person then; none where all rows were."""
 
     def background(self, image: Image | None) -> Image | None:
         """Pixels (H, W, 3) behind the person, of the size of the lens, by the frame's image; None: the place."""
@@ -63,6 +77,10 @@ class OutsideShots:
         """See ``Shots``."""
         return np.asarray(self._poses[row])
 
+    def bands(self, row: int, moments: Moments) -> list[Band]:
+        """None: all of a picture is of one time."""
+        return []
+
     def background(self, image: Image | None) -> None:
         """None: the place is drawn."""
 
@@ -85,9 +103,12 @@ class CameraShots:
         mount = solved.body.mounts.get(frames.camera)
         if station is not None:
             lens = station.camera
+            self._readout_s = 0.0
             self._poses = np.broadcast_to(station.world_T_camera, (len(world_T_segment), 4, 4))
         elif mount is not None:
             lens = frames.lens
+            self._readout_s, self._segment_T_camera = frames.readout_s, mount.segment_T_camera
+            self._row_of = solved.body.segment_index[mount.segment]
             self._poses = world_T_segment[:, solved.body.segment_index[mount.segment]] @ mount.segment_T_camera
         else:
             raise ViewError(
@@ -100,6 +121,18 @@ class CameraShots:
     def pose(self, row: int) -> Array:
         """See ``Shots``."""
         return np.asarray(self._poses[row])
+
+    def bands(self, row: int, moments: Moments) -> list[Band]:
+        """Rows that were read out together; the frame's time is that of the middle row."""
+        _, top, _, height = self.window
+        if self._readout_s == 0.0:
+            return []
+        edges = np.round(top + np.linspace(0.0, 1.0, _BANDS + 1) * height).astype(int).tolist()
+        made = []
+        for number, (first, last) in enumerate(pairwise(edges)):
+            poses, mesh = moments.near(row, self._readout_s * ((number + 0.5) / _BANDS - 0.5))
+            made.append(Band(first, last, mesh, poses[self._row_of] @ self._segment_T_camera))
+        return made
 
     def background(self, image: Image | None) -> Image:
         """The camera's image, fitted into the film."""
@@ -149,6 +182,10 @@ class PhotographShots:
     def pose(self, row: int) -> Array:
         """See ``Shots``."""
         return np.asarray(self._pose)
+
+    def bands(self, row: int, moments: Moments) -> list[Band]:
+        """None: nothing moved in a photograph of the place."""
+        return []
 
     def background(self, image: Image | None) -> Image:
         """The photograph, fitted into the film."""

@@ -9,14 +9,16 @@ from typing import Any
 import cv2
 import numpy as np
 
-from bodycam_ros.errors import OutputError, ViewError
+from bodycam_ros.body.surface_folder import read_surfaces
+from bodycam_ros.environment.environment import Environment
+from bodycam_ros.environment.placement import Route, heading_of, placement, rolled
+from bodycam_ros.errors import BodyError, OutputError, ViewError
 from bodycam_ros.files.shown import shown
 from bodycam_ros.files.whole_file import whole_file
 from bodycam_ros.film.character import Character, PosedMesh
-from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.frames import EvenFrames, Frames, RecordedFrames
 from bodycam_ros.film.picture import Image, PictureMaker
-from bodycam_ros.film.place import Place, Route
+from bodycam_ros.film.place import Place
 from bodycam_ros.film.shots import (
     CAMERA,
     PHOTOGRAPH,
@@ -29,7 +31,7 @@ from bodycam_ros.film.shots import (
 )
 from bodycam_ros.film.views import OUTSIDE, UP
 from bodycam_ros.formats.static_cameras_file import read_static_cameras
-from bodycam_ros.geometry import Array, rigid
+from bodycam_ros.geometry import Array
 from bodycam_ros.progress import Progress
 from bodycam_ros.recording.time_span import TimeSpan
 from bodycam_ros.recording.video_encoder import video_writer
@@ -40,10 +42,6 @@ from bodycam_ros.results.solved_part import part_of
 
 PICTURES = (".png", ".jpg")
 """Endings of a file that one picture is written to, that of the first time."""
-
-_LEAST_WAY_M = 0.5
-_ON_GROUND = 0.1  # quantile of the lowest points that is on the ground of an environment
-_CONTACT_M, _OFF_GROUND_M = 0.03, 0.15  # heights of what is put onto it, and of what is left where it was
 
 
 @dataclass(frozen=True)
@@ -62,6 +60,7 @@ class FilmRequest:
         rate_hz: frames a second, where they are not those of a camera.
         span: part of the recording.
         environment: in place of what was there; only of views from outside.
+        surface: folder with a scan of the person.
     """
 
     solved: Path
@@ -75,6 +74,7 @@ class FilmRequest:
     rate_hz: float = 30.0
     span: TimeSpan = TimeSpan()
     environment: Environment | None = None
+    surface: Path | None = None
 
 
 def write_film(request: FilmRequest, path: Path, progress: Progress, note: Callable[[str], None]) -> int:
@@ -100,7 +100,7 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
         )
     frames = _frames(request, solved, kind, name)
     environment = request.environment
-    motion = FilmedMotion(solved, frames, progress)
+    motion = FilmedMotion(solved, frames, progress, request.surface)
     place = Place.around(reference_map, motion.boxes[:, 0, 2])
     up = UP
     if environment is not None:
@@ -135,7 +135,12 @@ def write_film(request: FilmRequest, path: Path, progress: Progress, note: Calla
     ):
         for row, image in zip(range(count), frames.images(), strict=False):
             picture = maker.draw(
-                motion.mesh(row), shots.pose(row), shots.background(image), hidden=hides, shaded=kind != CAMERA
+                motion.mesh(row),
+                shots.pose(row),
+                shots.background(image),
+                hidden=hides,
+                shaded=kind != CAMERA,
+                bands=shots.bands(row, motion),
             )
             if request.beside is not None and image is not None:
                 picture = np.hstack([picture, letterboxed(image, (width - size[0], height))])
@@ -155,11 +160,17 @@ class FilmedMotion:
         boxes: (F, 2, 3) corners of a box around the person [m].
     """
 
-    def __init__(self, solved: SolvedBody, frames: Frames, progress: Progress | None = None) -> None:
-        self._body = solved.body
+    def __init__(
+        self, solved: SolvedBody, frames: Frames, progress: Progress | None = None, surface: Path | None = None
+    ) -> None:
+        self._solved, self._body, self._stamps_ns = solved, solved.body, frames.stamps_ns
         known = solved.equipment
         lengths = {} if known is None else dict(zip(known.lengths, known.values.tolist(), strict=True))
-        self._character = Character(solved.body, lengths)
+        scanned = None if surface is None else read_surfaces(surface, solved.body)
+        try:
+            self._character = Character(solved.body, lengths, scanned)
+        except BodyError as error:
+            raise BodyError(f"{surface or solved.path}: {error}") from error
         stamps_ns = frames.stamps_ns
         self.seconds: Array = (stamps_ns - stamps_ns[0]) * 1e-9
         poses = np.moveaxis(solved.world_T_segment, 1, 0)
@@ -170,53 +181,37 @@ class FilmedMotion:
         )
         roots = self.world_T_segment[:, solved.body.segment_index[solved.body.root]]
         self.facing: Array = roots[:, :3, 0].mean(axis=0)
-        self.heading = _heading(solved, self.world_T_segment, roots)
-        self._travelled = np.zeros(len(stamps_ns))
+        self.heading = heading_of(solved.body, self.world_T_segment)
+        self._rolled = rolled(solved.body, self.world_T_segment, np.zeros(len(stamps_ns)))
         step: Any = nullcontext(int) if progress is None else progress.step("way of the person", len(stamps_ns))
         with step as advance:
             self.boxes: Array = np.array([self._box(row, advance) for row in range(len(stamps_ns))])
 
     def move_into(self, environment: Environment) -> Place:
-        """Add the speed of an environment, put what is near the ground onto it, and give the place.
-
-        Heights of up to 3 cm over the ground are taken for contact: a board on its edge, or what was not measured.
-        """
+        """Move the person into an environment (see ``placement``), and give the place."""
         lowest = self.boxes[:, 0, 2]
-        ground_m = float(np.quantile(lowest, _ON_GROUND))
-        above = lowest - ground_m
-        share = np.clip((_OFF_GROUND_M - np.abs(above)) / (_OFF_GROUND_M - _CONTACT_M), 0.0, 1.0)
-        self._travelled = environment.speed * self.seconds
-        moved = self._travelled[:, None] * self.heading - (share * above)[:, None] * UP
-        self.world_T_segment[..., :3, 3] += moved[:, None]
-        self.boxes += moved[:, None]
-        route = Route(environment, self.boxes[0].mean(axis=0), self.heading)
-        scenery = environment.scenery
-        if scenery is not None:
-            axes = np.stack([self.heading, np.cross(UP, self.heading), UP], axis=1)
-            scenery = scenery.placed(rigid(axes, np.append(route.start[:2], ground_m)))
-        return Place(ground_m, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route, scenery)
+        placed = placement(environment, self.seconds, lowest, self.heading)
+        self._rolled = rolled(self._body, self.world_T_segment, placed.travelled)
+        self.world_T_segment[..., :3, 3] += placed.moved[:, None]
+        self.boxes += placed.moved[:, None]
+        route = Route(environment, self.boxes[0].mean(axis=0), self.heading, placed.ground_m)
+        return Place(placed.ground_m, np.zeros((0, 3)), np.zeros((0, 3), np.uint8), None, route, route.scenery)
 
     def mesh(self, row: int) -> PosedMesh:
         """The person, with equipment where its pose is known, at a frame."""
-        placed, rolled_m = bool(self._placed[row]), float(self._travelled[row])
+        placed, rolled_m = bool(self._placed[row]), float(self._rolled[row])
         return self._character.posed(self.world_T_segment[row], with_equipment=placed, rolled_m=rolled_m)
+
+    def near(self, row: int, offset_s: float) -> tuple[Array, PosedMesh]:
+        """Poses (S, 4, 4) [m] at a time after a frame [s], and the mesh of the person."""
+        poses = self._solved.segments_near(int(self._stamps_ns[row]) + round(1e9 * offset_s))
+        placed, rolled_m = bool(self._placed[row]), float(self._rolled[row])
+        return poses, self._character.posed(poses, with_equipment=placed, rolled_m=rolled_m)
 
     def _box(self, row: int, advance: Callable[[], object]) -> Array:
         advance()
         vertices = self.mesh(row).vertices
         return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
-
-
-def _heading(solved: SolvedBody, world_T_segment: Array, roots: Array) -> Array:
-    """(3,) unit, level: where equipment that rides points; else where the person goes, or faces where they stay."""
-    riding = [name for name in ("frame", "board") if name in solved.body.equipment_segments]
-    way = roots[-1, :3, 3] - roots[0, :3, 3]
-    if riding:
-        way = world_T_segment[:, solved.body.segment_index[riding[0]], :3, 0].mean(axis=0)
-    elif np.linalg.norm(way[:2]) < _LEAST_WAY_M:
-        way = roots[:, :3, 0].mean(axis=0)
-    level: Array = way * [1.0, 1.0, 0.0]
-    return level / np.linalg.norm(level)
 
 
 def _frames(request: FilmRequest, solved: SolvedBody, kind: str, name: str) -> Frames:

@@ -30,10 +30,15 @@ def write_character(motion: SampledMotion, options: MotionOptions) -> bytes:
 
     Raises:
         BodyError: the character cannot be read or is no humanoid, or the body lacks a pelvis.
-        SettingsError: a rest pose, names or a surface are given, which the character has.
+        SettingsError: a rest pose, names or a surface are given, which the character has, or an environment.
     """
     if given := [f"--{name}" for name in ("pose", "names", "surface") if getattr(options, name) is not None]:
         raise SettingsError(f"{', '.join(given)} has no effect on a character, which has its own; leave it out")
+    if options.environment is not None or options.travel is not None:
+        raise SettingsError(
+            "--environment, --travel: a character has its own size, by which it would leave pedals and ground; leave "
+            "them out, or leave out --character"
+        )
     assert options.character is not None
     character = read_character(options.character, options.bones)
     turned, root = retargeted(motion, character)

@@ -64,7 +64,8 @@ class Format:
             raise RecordingError(f"{source}: has no motion; give a bag that 'bodycam replay' wrote")
         else:
             motion = sample_motion(part_of(read_solved_body(source, progress), span), options.rate, self.is_even)
-            if not self.has_equipment and motion.body.equipment_segments:
+            has_equipment = self.has_equipment and options.character is None
+            if not has_equipment and motion.body.equipment_segments:
                 logger.warning(
                     "%s: %s, which are no part of the body, are left out; %s have them",
                     source,
@@ -77,6 +78,7 @@ class Format:
 
 _RATE = frozenset({"rate"})
 _FIGURE = frozenset({"rate", "pose", "names"})
+_STAGE = frozenset({"surface", "environment", "travel"})
 _MODEL = {opensim.MODEL_SUFFIX: (opensim.MODEL_MARK.encode(), "OpenSim model")}
 
 FORMATS: Mapping[str, Format] = {
@@ -106,7 +108,7 @@ FORMATS: Mapping[str, Format] = {
     ),
     "glb": Format(
         "a skin on moving bones (glTF), for every viewer, Blender, Unity, Unreal, the web", glb.MARK, glb.write_glb,
-        _FIGURE | {"character", "bones", "surface"},
+        _FIGURE | _STAGE | {"character", "bones"}, has_equipment=True,
     ),
     "csv": Format(
         "positions, quaternions and joint angles, a row per frame, for spreadsheets", csv.MARK, csv.write_csv, _RATE,
@@ -123,8 +125,8 @@ FORMATS: Mapping[str, Format] = {
     ),
     "usd": Format(
         "a skin on moving bones (UsdSkel), for Omniverse, Houdini, Maya", usd.MARK, usd.write_usd,
-        _FIGURE | {"up", "scale", "surface"},
-        is_even=True,
+        _FIGURE | _STAGE | {"up", "scale"},
+        has_equipment=True, is_even=True,
     ),
 }  # fmt: skip
 

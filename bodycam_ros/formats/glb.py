@@ -3,6 +3,7 @@
 In its rest pose the body stands on the ground at the origin. In a gap there are no keys: viewers interpolate.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,16 +11,18 @@ from numpy.typing import NDArray
 
 from bodycam_ros.errors import BodyError
 from bodycam_ros.formats.character_motion import write_character
+from bodycam_ros.formats.equipment_figure import equipment_segments
 from bodycam_ros.formats.figure import Figure
-from bodycam_ros.formats.gltf_container import GltfBuffer, continuous_quaternions, glb_content
-from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
+from bodycam_ros.formats.gltf_container import GltfBuffer, continuous_quaternions, glb_chunks, glb_content
+from bodycam_ros.formats.gltf_objects import INDICES, VERTICES, add_equipment, add_ground, inside_document
+from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion
 from bodycam_ros.formats.skinned_figure import SkinnedFigure
+from bodycam_ros.formats.staged_motion import staged_motion
 from bodycam_ros.geometry import quaternion_xyzw
 
 MARK = '"generator":"bodycam_ros"'
 
 _UP = "y"
-_VERTICES, _INDICES = 34962, 34963  # target
 _SKIN_COLOUR = [0.85, 0.68, 0.56, 1.0]
 _MOST_BONES = 256  # rows in a byte
 
@@ -34,6 +37,8 @@ def write_glb(motion: SampledMotion, options: MotionOptions) -> bytes:
     """
     if options.character is not None:
         return write_character(motion, options)
+    staged = staged_motion(motion, options)
+    motion = staged.motion
     skinned = SkinnedFigure.from_motion(motion, options, _UP)
     figure, has_skin = skinned.figure, len(skinned.vertices) > 0
     if len(figure.names) > _MOST_BONES:
@@ -56,9 +61,18 @@ def write_glb(motion: SampledMotion, options: MotionOptions) -> bytes:
     nodes.append({"name": motion.body.name, "children": inside})
     if has_skin:
         nodes.append({"name": "skin", "mesh": 0, "skin": 0})
+    if staged.parts:
+        segments = equipment_segments(staged, options, _UP)
+        inside += add_equipment(document, buffer, segments, motion.seconds, motion.equipment_known)
+    if staged.ground:
+        turned = [replace(each, vertices=each.vertices @ UP_AXES[_UP].T) for each in staged.ground]
+        document["scenes"][0]["nodes"].append(add_ground(document, buffer, turned))
     document |= {"accessors": buffer.accessors, "bufferViews": buffer.views}
     document["buffers"] = [{"byteLength": len(buffer.content)}]
-    return glb_content(document, bytes(buffer.content))
+    binary = bytes(buffer.content)
+    if staged.scenery is not None:
+        document, binary = inside_document(document, binary, *glb_chunks(staged.scenery.content))
+    return glb_content(document, binary)
 
 
 def _nodes(figure: Figure, standing: NDArray[np.float64]) -> list[dict[str, Any]]:
@@ -94,12 +108,12 @@ def _skinned(skinned: SkinnedFigure, standing: NDArray[np.float64], buffer: Gltf
     vertices = (skinned.vertices + standing).astype(np.float32)
     primitive = {
         "attributes": {
-            "POSITION": buffer.add(vertices, _VERTICES, with_range=True),
-            "NORMAL": buffer.add(skinned.normals.astype(np.float32), _VERTICES),
-            "JOINTS_0": buffer.add(skinned.joints.astype(np.uint8), _VERTICES),
-            "WEIGHTS_0": buffer.add(skinned.weights.astype(np.float32), _VERTICES),
+            "POSITION": buffer.add(vertices, VERTICES, with_range=True),
+            "NORMAL": buffer.add(skinned.normals.astype(np.float32), VERTICES),
+            "JOINTS_0": buffer.add(skinned.joints.astype(np.uint8), VERTICES),
+            "WEIGHTS_0": buffer.add(skinned.weights.astype(np.float32), VERTICES),
         },
-        "indices": buffer.add(skinned.triangles.reshape(-1, 1).astype(np.uint32), _INDICES),
+        "indices": buffer.add(skinned.triangles.reshape(-1, 1).astype(np.uint32), INDICES),
         "material": 0,
     }
     matte = {"baseColorFactor": _SKIN_COLOUR, "metallicFactor": 0.0, "roughnessFactor": 0.8}

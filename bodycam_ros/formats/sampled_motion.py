@@ -52,6 +52,8 @@ class MotionOptions:
         character: GLB or VRM of a rigged character that moves instead of the body.
         bones: YAML with the names of its bones.
         surface: folder with scanned meshes of segments, which are the skin.
+        environment: place that was not there, as ``Environment.parse`` takes it.
+        travel: speed that is added to the motion there [m/s].
 
     Raises:
         SettingsError: a value out of its range.
@@ -67,6 +69,8 @@ class MotionOptions:
     character: Path | None = None
     bones: Path | None = None
     surface: Path | None = None
+    environment: str | None = None
+    travel: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, largest, unit in (

@@ -4,9 +4,6 @@ It is a text file, for every reader of ``.usd`` and ``.usda``. Metres, z up, unl
 tells its readers; a frame is a time code. In a gap there are no samples, and readers interpolate.
 """
 
-import json
-from collections.abc import Iterable, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,12 +13,15 @@ from bodycam_ros.files.distinct_names import distinct_names
 from bodycam_ros.formats.figure import Figure
 from bodycam_ros.formats.sampled_motion import MotionOptions, SampledMotion
 from bodycam_ros.formats.skinned_figure import SkinnedFigure
-from bodycam_ros.geometry import Array, quaternion_xyzw, rigid
+from bodycam_ros.formats.staged_motion import staged_motion
+from bodycam_ros.formats.usd_objects import SKIN, bound_material, usd_materials, usd_objects
+from bodycam_ros.formats.usd_values import identifier, matrices, samples, tokens, written, written_rows
+from bodycam_ros.geometry import quaternion_xyzw, rigid
 
 MARK = "#usda 1.0"
 
 _UP = "z"
-_SKIN_COLOUR = "(0.85, 0.68, 0.56)"
+_SKIN_COLOUR = (0.85, 0.68, 0.56)
 
 
 def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
@@ -30,6 +30,8 @@ def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     Raises:
         BodyError: two bones would have the same name.
     """
+    staged = staged_motion(motion, options)
+    motion = staged.motion
     skinned = SkinnedFigure.from_motion(motion, options, _UP)
     figure = skinned.figure
     if len(set(_paths(figure))) < len(figure.names):
@@ -38,7 +40,9 @@ def write_usd(motion: SampledMotion, options: MotionOptions) -> str:
     parts = [_skeleton(figure), _animation(figure, np.flatnonzero(motion.known))]
     if len(skinned.vertices):
         parts.append(_mesh(skinned))
-    name = _identifier(motion.body.name)
+    parts += usd_objects(staged, options, _UP)
+    parts.append(usd_materials(staged, _SKIN_COLOUR, identifier(motion.body.name)))
+    name = identifier(motion.body.name)
     return f"""{MARK}
 (
     defaultPrim = "{name}"
@@ -64,10 +68,10 @@ def _skeleton(figure: Figure) -> str:
         prepend apiSchemas = ["SkelBindingAPI"]
     )
     {{
-        uniform matrix4d[] bindTransforms = [{_matrices(bind)}]
-        uniform token[] jointNames = [{_tokens(figure.names)}]
-        uniform token[] joints = [{_tokens(_paths(figure))}]
-        uniform matrix4d[] restTransforms = [{_matrices(rest)}]
+        uniform matrix4d[] bindTransforms = [{matrices(bind)}]
+        uniform token[] jointNames = [{tokens(figure.names)}]
+        uniform token[] joints = [{tokens(_paths(figure))}]
+        uniform matrix4d[] restTransforms = [{matrices(rest)}]
         rel skel:animationSource = <../motion>
     }}
 
@@ -81,12 +85,12 @@ def _animation(figure: Figure, frames: NDArray[np.intp]) -> str:
     ones = ", ".join(["(1, 1, 1)"] * len(figure.names))
     return f"""    def SkelAnimation "motion"
     {{
-        uniform token[] joints = [{_tokens(_paths(figure))}]
+        uniform token[] joints = [{tokens(_paths(figure))}]
         quatf[] rotations.timeSamples = {{
-{_samples(frames, quaternions)}        }}
+{samples(frames, quaternions)}        }}
         half3[] scales = [{ones}]
         float3[] translations.timeSamples = {{
-{_samples(frames, positions)}        }}
+{samples(frames, positions)}        }}
     }}
 
 """
@@ -97,19 +101,19 @@ def _mesh(skin: SkinnedFigure) -> str:
     corners = ", ".join(map(str, skin.triangles.ravel().tolist()))
     bones = ", ".join(map(str, skin.joints.ravel().tolist()))
     weights = ", ".join(f"{weight:.6g}" for weight in skin.weights.ravel().tolist())
-    low, high = (_tuple(end.tolist()) for end in (skin.vertices.min(axis=0), skin.vertices.max(axis=0)))
+    low, high = (written(end.tolist()) for end in (skin.vertices.min(axis=0), skin.vertices.max(axis=0)))
     return f"""    def Mesh "skin" (
-        prepend apiSchemas = ["SkelBindingAPI"]
+        prepend apiSchemas = ["SkelBindingAPI", "MaterialBindingAPI"]
     )
     {{
         float3[] extent = [{low}, {high}]
         int[] faceVertexCounts = [{counts}]
         int[] faceVertexIndices = [{corners}]
-        normal3f[] normals = [{_tuples(skin.normals)}] (
+        normal3f[] normals = [{written_rows(skin.normals)}] (
             interpolation = "vertex"
         )
-        point3f[] points = [{_tuples(skin.vertices)}]
-        color3f[] primvars:displayColor = [{_SKIN_COLOUR}]
+        point3f[] points = [{written_rows(skin.vertices)}]
+        color3f[] primvars:displayColor = [{written(_SKIN_COLOUR)}]
         matrix4d primvars:skel:geomBindTransform = ( (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1) )
         int[] primvars:skel:jointIndices = [{bones}] (
             elementSize = {MOST_BONES}
@@ -119,6 +123,7 @@ def _mesh(skin: SkinnedFigure) -> str:
             elementSize = {MOST_BONES}
             interpolation = "vertex"
         )
+        {bound_material(SKIN, 1)}
         rel skel:skeleton = <../skeleton>
         uniform token subdivisionScheme = "none"
     }}
@@ -128,37 +133,8 @@ def _mesh(skin: SkinnedFigure) -> str:
 def _paths(figure: Figure) -> list[str]:
     """Each bone after its parents, as USD names joints."""
     paths: list[str] = []
-    identifiers = distinct_names(figure.names, _identifier)
+    identifiers = distinct_names(figure.names, identifier)
     for name, parent in zip(figure.names, figure.parents, strict=True):
         own = identifiers[name]
         paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
     return paths
-
-
-def _identifier(name: str) -> str:
-    """A name as USD allows it."""
-    kept = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in name)
-    return kept if kept and not kept[0].isdigit() else f"_{kept}"
-
-
-def _tokens(names: Iterable[str]) -> str:
-    return ", ".join(map(json.dumps, names))
-
-
-def _samples(frames: NDArray[np.intp], values: Array) -> str:
-    return "".join(
-        f"            {frame}: [{_tuples(row)}],\n" for frame, row in zip(frames.tolist(), values, strict=True)
-    )
-
-
-def _tuples(rows: Array) -> str:
-    return ", ".join(map(_tuple, rows.tolist()))
-
-
-def _tuple(values: Sequence[float]) -> str:
-    return f"({', '.join(f'{value:.8g}' for value in values)})"
-
-
-def _matrices(poses: Array) -> str:
-    """USD multiplies rows by matrices."""
-    return ", ".join(f"( {_tuples(pose.T)} )" for pose in poses)

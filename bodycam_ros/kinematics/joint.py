@@ -86,7 +86,7 @@ class Joint:
         check_within_reach(where, self.parent_T_joint, self.child_T_joint)
         length = float(np.linalg.norm(self.axis))
         if not np.isfinite(length) or length == 0.0:
-            raise BodyError(f"{where}: axis must be a direction, not {list(self.axis)}")
+            raise BodyError(f"{where}: axis must be a direction, not {np.asarray(self.axis).tolist()}")
         object.__setattr__(self, "axis", self.axis / length)
         sigmas = default_sigmas(self.type) if self.sigmas is None else self.sigmas
         if len(sigmas) != 6 or not all(np.isfinite(s) and s > 0 for s in sigmas):

@@ -92,12 +92,57 @@ def test_a_turn_in_degrees_stands_for_a_quaternion(tmp_path: Path) -> None:
         ("[[0.5, 3.2], [5, .inf]]", "[[0, 2], [1, 3]]", ("attachment push", "holds")),
         ("segment: stem", "segment: foot_left", ("camera lamp", "segment foot_left")),
         ("name: scooter", "name: [scooter", ()),
+        ("upright: 10", "upriht: 10", ("did you mean upright",)),
+        ("[125, 0, -82]", "[125,5, 0, -82]", ("points[0].body", "decimal point")),
+        ("[125, 0, -82]", "[125mm, 0, -82]", ("points[0].body[0]", "without its unit")),
+        ("type: hinge", "type: hindge", ("type", "hinge", "weld")),
+        ("  stem:", "\tstem:", ("tab", "spaces")),
+        ("name: scooter", "name scooter", ("colon",)),
     ],
 )  # fmt: skip
 def test_a_slip_of_the_pen_is_named_with_its_file(tmp_path: Path, old: str, new: str, named: tuple[str, ...]) -> None:
     assert old in SCOOTER
     with naming(BodyError, "scooter.yaml", *named):
         read(tmp_path, SCOOTER.replace(old, new, 1))
+
+
+BAR = """name: bar
+root: rod
+segments: {rod: {}}
+attachments:
+  left: {body: forearm_left, equipment: rod, weight: 40, unknown: [0, 150, 0],
+    points: [{body: [0, 0, -355], equipment: [0, 300, 0]}]}
+  right: {body: forearm_right, equipment: rod, weight: 40,
+    points: [{body: [0, 0, -355], equipment: [0, -300, 0]}]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (
+            "weight: 40,\n",
+            "weight: 40, unknown: [10, 90, 0],\n",
+            "unknown is above 0 along y in all of them",
+        ),
+        ("", "", None),
+        ("", "centimetres", "within 36 mm"),
+    ],
+)
+def test_what_is_hardly_meant_is_told(
+    tmp_path: Path, old: str, new: str, told: str | None, caplog: pytest.LogCaptureFixture
+) -> None:
+    text = BAR.replace(old, new) if old else BAR
+    if new == "centimetres":
+        text = text.replace("355", "35.5").replace("300", "30")
+    with caplog.at_level(logging.WARNING):
+        read(tmp_path, text)
+    assert (told in " ".join(caplog.text.split())) if told else not caplog.text
+
+
+def test_a_segment_may_not_be_named_as_one_of_the_body(tmp_path: Path) -> None:
+    with naming(BodyError, "segment torso", BODY.name):
+        coupled_body(BODY, read(tmp_path, BAR.replace("rod", "torso")))
 
 
 def test_equipment_that_nothing_holds_is_refused(tmp_path: Path) -> None:

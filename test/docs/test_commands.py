@@ -5,7 +5,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from helpers.doc_blocks import DocBlock, doc_blocks
+from helpers.doc_blocks import DocBlock, doc_blocks, doc_files
 
 from bodycam_ros.cli import main as command_line
 from bodycam_ros.cli.settings import all_groups, all_settings_yaml
@@ -51,6 +51,8 @@ def test_what_is_marked_runs(
     (tmp_path / "bags").symlink_to(REPOSITORY / "bags")
     (tmp_path / "out").mkdir()
     (tmp_path / "out/demo").symlink_to(sample_out)
+    for name, text in doc_files(DOCS).items():
+        (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
     if block.language == "python":
         exec(compile(block.text, block.page, "exec"), {})

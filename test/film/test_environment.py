@@ -5,13 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.athletes import AIRBORNE_S, Athlete, cyclist, snowboarder
+import trimesh
+from helpers.athletes import AIRBORNE_S, Athlete, cyclist, lifter, snowboarder
 
 from bodycam_ros.body.coupled_body import coupled_body
+from bodycam_ros.environment.environment import Environment
+from bodycam_ros.environment.machines import WHEEL_M, machine_parts
+from bodycam_ros.environment.placement import Route, rolled
 from bodycam_ros.errors import ViewError
-from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.frames import EvenFrames
-from bodycam_ros.film.machines import WHEEL_M, machine_parts
+from bodycam_ros.film.ground import ground_colours
 from bodycam_ros.film.shots import OutsideShots
 from bodycam_ros.film.write_film import FilmedMotion
 from bodycam_ros.geometry import transform_points
@@ -102,7 +105,8 @@ def test_lines_of_the_road_lie_along_it() -> None:
     road = Environment.parse("road", 0.0)
     along, across = np.meshgrid(np.arange(-5.0, 5.0, 0.01), np.arange(-5.0, 7.0, 0.01), indexing="ij")
     heading = np.array([0.0, 1.0, 0.0])
-    colours = road.ground((-across).astype(np.float32), along.astype(np.float32), np.zeros(3), heading)
+    route = Route(road, np.zeros(3), heading)
+    colours = ground_colours(route, (-across).astype(np.float32), along.astype(np.float32))
     bright = (colours.min(axis=2) > 200.0).mean(axis=0)
     edges = across[0][bright > 0.95]
     assert set(np.round(edges, 1)) <= {-1.7, -1.6, -1.5, 4.3, 4.4, 4.5}
@@ -114,3 +118,36 @@ def test_lines_of_the_road_lie_along_it() -> None:
 def test_other_places_are_refused(text: str) -> None:
     with pytest.raises(ViewError, match=r"road, or slope:30"):
         Environment.parse(text, 1.0)
+
+
+def test_the_plates_of_a_barbell_are_outside_of_the_hands() -> None:
+    athlete = lifter(0.1)
+    parts = machine_parts(coupled_body(athlete.body, athlete.equipment), {})
+    assert {part.segment for part in parts} == {"bar"}
+    vertices = np.concatenate([part.vertices for part in parts])
+    np.testing.assert_allclose(vertices.mean(axis=0), 0.0, atol=1e-9)
+    plates = vertices[np.hypot(vertices[:, 0], vertices[:, 2]) > 0.2]
+    hands = [abs(each.on_equipment[0, 1]) for each in athlete.equipment.attachments]
+    assert np.abs(plates[:, 1]).min() > max(hands) + 0.1
+    assert set(np.sign(plates[:, 1])) == {-1.0, 1.0}
+
+
+def test_a_board_is_a_closed_mesh_whose_ends_rise_and_whose_sole_is_flat_under_the_feet() -> None:
+    athlete = snowboarder(0.1)
+    (board,) = (part for part in machine_parts(coupled_body(athlete.body, athlete.equipment), {}))
+    mesh = trimesh.Trimesh(board.vertices, board.triangles, process=False)
+    assert mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0.0
+    x, _, z = board.vertices.T
+    assert np.ptp(z[np.abs(x) < 0.5]) < 0.02 and z[np.abs(x) > 0.75].min() > 0.05
+    assert mesh.bounds[1, 1] == pytest.approx(-mesh.bounds[0, 1])
+
+
+def test_a_bicycle_that_rides_itself_has_wheels_that_turn_by_its_way() -> None:
+    athlete = cyclist(1.0)
+    body = coupled_body(athlete.body, athlete.equipment)
+    poses = np.concatenate([athlete.poses, athlete.equipment_poses], axis=1)
+    travelled = SPEED * athlete.times
+    np.testing.assert_array_equal(rolled(body, poses, travelled), travelled, "on a roller")
+    ahead = poses[0, body.segment_index["frame"], :3, 0]
+    poses[..., :3, 3] += (3.0 * athlete.times)[:, None, None] * ahead
+    np.testing.assert_allclose(rolled(body, poses, travelled), travelled + 3.0 * athlete.times, atol=1e-9)

@@ -10,11 +10,14 @@ import av
 import cv2
 import numpy as np
 import pytest
+import trimesh
 from numpy.typing import NDArray
 
+from bodycam_ros.body.limb_mesh import capsule_surfaces
+from bodycam_ros.body.surface_folder import read_surfaces
 from bodycam_ros.film.character import Character
 from bodycam_ros.film.frames import EvenFrames, RecordedFrames
-from bodycam_ros.film.shots import OutsideShots, letterboxed
+from bodycam_ros.film.shots import CameraShots, OutsideShots, letterboxed
 from bodycam_ros.film.write_film import FilmedMotion
 from bodycam_ros.geometry import inverse, transform_points
 from bodycam_ros.results.solved_body import read_solved_body
@@ -151,3 +154,54 @@ def test_the_person_wears_what_belongs_to_each_part(sample_out: Path) -> None:
     skin, shirt, trousers, shoes = heights
     assert shoes < trousers < shirt
     assert skin > trousers
+    head = solved.world_T_segment[0, solved.body.segment_index["head"]]
+    hair, soles = (mesh.vertices[worn == garment] for garment in (4, 5))
+    in_head = transform_points(inverse(head), hair.astype(float))
+    assert in_head[:, 0].mean() < -0.01 and in_head[:, 2].min() > 0.05, "the face is left free"
+    assert np.median(soles[:, 2]) < shoes
+
+
+def test_a_scan_is_the_person(sample_out: Path, tmp_path: Path) -> None:
+    solved = read_solved_body(sample_out)
+    head = capsule_surfaces(solved.body)["head"]
+    scan = tmp_path / "scan"
+    scan.mkdir()
+    trimesh.Trimesh(head.vertices * [1.0, 1.0, 1.5], head.faces, process=False).export(scan / "head.obj")
+    tall = [
+        np.ptp(Character(solved.body, scanned=scanned).posed(solved.world_T_segment[0]).vertices[:, 2])
+        for scanned in (None, read_surfaces(scan, solved.body))
+    ]
+    assert tall[1] - tall[0] == pytest.approx(0.5 * head.vertices[:, 2].max(), abs=0.02)
+    view = "--view", "fixed", "--size", "320x180"
+    for name, flags in (("own.png", ()), ("scanned.png", ("--surface", scan))):
+        result = film(sample_out, "-o", tmp_path / name, *view, *flags)
+        assert result.returncode == 0, result.stderr
+    own, scanned_picture = (cv2.imread(str(tmp_path / name)).astype(int) for name in ("own.png", "scanned.png"))
+    assert (np.abs(own - scanned_picture).max(axis=2) > 30).sum() > 20
+    trimesh.Trimesh(head.vertices, head.faces[:-3], process=False).export(scan / "head.obj")
+    result = film(sample_out, "-o", tmp_path / "open.png", "--surface", scan)
+    assert result.returncode == 1
+    assert "the surface of head is not closed" in " ".join(result.stderr.split())
+    assert not (tmp_path / "open.png").exists()
+
+
+def test_each_row_of_a_rolling_shutter_has_its_own_pose(sample: Path, sample_out: Path) -> None:
+    """The sample as if its rows were read out over 12 ms: rows are drawn by the poses of their times."""
+    solved = read_solved_body(sample_out)
+    frames = RecordedFrames(sample / "sample" / "bag", solved, "foot_right", "--view")
+    frames.readout_s = 0.012
+    motion = FilmedMotion(solved, frames)
+    shots = CameraShots(frames, solved, motion.world_T_segment, None, SIZE)
+    bands = shots.bands(30, motion)
+    _, top, _, height = shots.window
+    assert [band.top for band in bands] == [0 + top, *(band.bottom for band in bands[:-1])]
+    assert bands[-1].bottom == top + height
+    mount = solved.body.mounts["foot_right"]
+    for band in bands:
+        middle = (0.5 * (band.top + band.bottom) - top) / height
+        at_ns = int(frames.stamps_ns[30] + 12e6 * (middle - 0.5))
+        pose = solved.segments_near(at_ns)[solved.body.segment_index["foot_right"]] @ mount.segment_T_camera
+        np.testing.assert_allclose(band.world_T_camera, pose, atol=2e-3)
+    assert np.linalg.norm(bands[0].world_T_camera[:3, 3] - bands[-1].world_T_camera[:3, 3]) > 5e-3, "the foot moves"
+    frames.readout_s = 0.0
+    assert CameraShots(frames, solved, motion.world_T_segment, None, SIZE).bands(30, motion) == []

@@ -7,7 +7,7 @@ from helpers.filmed_ball import SIZE, ball
 from bodycam_ros.camera import CameraModel
 from bodycam_ros.errors import ViewError
 from bodycam_ros.film.lighting import SUN
-from bodycam_ros.film.picture import PictureMaker
+from bodycam_ros.film.picture import Band, PictureMaker
 from bodycam_ros.film.place import Place
 from bodycam_ros.film.ray_scene import RayScene
 from bodycam_ros.film.views import fitted_lens, fitted_window, looking_at, outside_lens
@@ -106,3 +106,24 @@ def test_what_is_not_installed_is_named(monkeypatch: pytest.MonkeyPatch) -> None
     monkeypatch.setitem(__import__("sys").modules, "embreex.mesh_construction", None)
     with pytest.raises(ViewError, match=r"embreex.*pip install"):
         RayScene(np.zeros((3, 3)), np.array([[0, 1, 2]], np.int32))
+
+
+def test_rows_that_were_exposed_later_show_the_person_later() -> None:
+    world_T_camera = looking_at(np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 1.0]))
+    maker = PictureMaker(FISHEYE, (0, 0, *SIZE), EMPTY)
+    middle = SIZE[1] // 2
+    times = [ball([2.0, y, 1.0], 0.6) for y in (0.0, 0.25)]
+    drawn = maker.draw(
+        times[0],
+        world_T_camera,
+        GREY,
+        shaded=False,
+        bands=[
+            Band(0, middle, times[0], world_T_camera),
+            Band(middle, SIZE[1], times[1], looking_at(np.array([0.0, 0.1, 1.0]), np.array([1.0, 0.1, 1.0]))),
+        ],
+    )
+    later = ball([2.0, 0.15, 1.0], 0.6)  # as seen from a camera that moved by 0.1 m, too
+    for rows, mesh in ((slice(0, middle - 1), times[0]), (slice(middle + 1, None), later)):
+        is_ball = np.any(maker.draw(mesh, world_T_camera, GREY, shaded=False) != GREY, axis=2)
+        np.testing.assert_array_equal(np.any(drawn != GREY, axis=2)[rows], is_ball[rows])

@@ -7,11 +7,11 @@ import pytest
 import trimesh
 from helpers.filmed_ball import SIZE, ball
 
+from bodycam_ros.environment.environment import Environment
+from bodycam_ros.environment.scenery import read_scenery
 from bodycam_ros.errors import ViewError
-from bodycam_ros.film.environment import Environment
 from bodycam_ros.film.picture import PictureMaker
 from bodycam_ros.film.place import Place
-from bodycam_ros.film.scenery import read_scenery
 from bodycam_ros.film.views import looking_at, outside_lens
 
 

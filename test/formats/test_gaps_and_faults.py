@@ -75,7 +75,10 @@ def test_equipment_is_no_bone_and_is_in_tables_where_it_was_known(
     often = np.loadtxt(exported.file("tum", "--segment", "crank", "--rate", "300", name="often"))[:, 0]
     assert 0.0 <= often[0] - 1e-9 * ride.stamps_ns[10] < 4e-3
     assert not set(pybvh.read_bvh_file(exported.file("bvh")).joint_names) & {"frame", "crank"}
-    assert "out: crank, frame, which are no part of the body, are left out; csv, tum, npz, ply have them" in caplog.text
+    assert (
+        "out: crank, frame, which are no part of the body, are left out; glb, csv, tum, npz, ply, usd have them"
+        in caplog.text
+    )
     columns = exported.file("csv").read_text().splitlines()[0].split(",")
     assert {"crank_x_m", "bicycle_at_x_m", "crank_deg", "knee_left_deg"} < set(columns)
     assert "crank" not in exported.file("mot").read_text()

@@ -11,15 +11,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers.exported_files import JOINT_M, Exported
+from helpers.athletes import BALL_OF_FOOT, cyclist
+from helpers.exported_files import JOINT_M, Exported, solved_ride
 from helpers.known_walk import Walk, write_solved
 from helpers.read_glb import ReadGlb
 from helpers.rigged_character import Build, bone_names, write_character
 from numpy.typing import NDArray
 
 from bodycam_ros.body.skin import skinned_body
+from bodycam_ros.environment.machines import WHEEL_M
 from bodycam_ros.formats.figure import rest_pose
 from bodycam_ros.formats.opensim import OPENSIM_R_OURS
+from bodycam_ros.formats.sampled_motion import UP_AXES
 from bodycam_ros.results.solved_body import read_solved_body
 
 REPOSITORY = Path(__file__).parent.parent.parent
@@ -117,3 +120,31 @@ def test_usd_moves_its_joints_and_its_skin(exported: Exported) -> None:
         np.testing.assert_allclose(said["heads"][segment], exported.places(segment), rtol=0.0, atol=JOINT_M)
     np.testing.assert_allclose(said["skins"], posed_skin(exported, "N"), rtol=0.0, atol=JOINT_M)
     assert said["bones_of_a_vertex"] == 4
+
+
+@pytest.mark.parametrize(("up", "scale"), [("z", 1.0), ("y", 100.0)])
+def test_usd_has_a_ride_on_a_road(up: str, scale: float, tmp_path: Path) -> None:
+    ride = solved_ride(cyclist(1.0), tmp_path)
+    file = ride.file("usd", "--environment", "road", "--travel", "6", "--up", up, "--scale", str(scale))
+    said = read("readers", "read_in_usd.py", file)
+    ours_R = UP_AXES[up].T
+    seconds = ride.seconds
+
+    def poses(name: str) -> NDArray[np.float64]:
+        matrices = np.array(said["objects"][name]).transpose(0, 2, 1)
+        matrices[:, :3, 3] = matrices[:, :3, 3] @ ours_R.T / scale
+        matrices[:, :3, :3] = ours_R @ matrices[:, :3, :3] @ ours_R.T
+        return matrices
+
+    frame, wheel = poses("frame"), poses("frame_wheel_1")
+    np.testing.assert_allclose(frame[:, 0, 3] - frame[0, 0, 3], 6.0 * seconds, atol=JOINT_M)
+    ahead = (wheel[0, :3, :3].T @ wheel[:, :3, :3])[:, [2, 0], [0, 0]]  # about y: the spoke ahead goes down
+    rolled = np.unwrap(np.arctan2(-ahead[:, 0], ahead[:, 1]))
+    np.testing.assert_allclose(rolled, 6.0 * seconds / WHEEL_M, atol=1e-3)
+    foot = np.array(said["heads"]["foot_left"]) @ ours_R.T / scale
+    pedal = poses("pedal_left")[:, :3, 3]
+    ankle_m = np.linalg.norm(BALL_OF_FOOT)
+    np.testing.assert_allclose(np.linalg.norm(foot - pedal, axis=1), ankle_m, atol=5 * JOINT_M)
+    np.testing.assert_allclose((np.array(said["ground"]) @ ours_R.T)[:, 2], 0.0, atol=1e-6)
+    assert said["materials"][0].endswith("/materials/skin")
+    assert all("/materials/c_" in each for each in said["materials"][1:])

@@ -54,3 +54,11 @@ def doc_blocks(docs: Path) -> list[DocBlock]:
                 raise ValueError(f"{where}: {found['mark']} is no mark")
             blocks.append(DocBlock(where, found["language"], found["text"], found["mark"] == _RUN))
     return blocks
+
+
+_FILE = re.compile(r"^```yaml\n# (?P<name>\w+\.yaml)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def doc_files(docs: Path) -> dict[str, str]:
+    """Name -> text of each block of YAML whose first line is a comment with the name of a file."""
+    return {found["name"]: found["text"] for path in docs.glob("*.md") for found in _FILE.finditer(path.read_text())}

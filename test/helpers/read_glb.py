@@ -53,7 +53,8 @@ class ReadGlb:
         """(T, V, 3) points of the skin in the scene."""
         joints = self.file.skins[0].joints
         bind = self.accessor(self.file.skins[0].inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
-        attributes = self.file.meshes[0].primitives[0].attributes
+        skinned = next(node for node in self.file.nodes if node.skin is not None)
+        attributes = self.file.meshes[skinned.mesh].primitives[0].attributes
         owners = self.accessor(attributes.JOINTS_0)[:, 0].astype(int)
         poses = np.stack([self.world(joint, moved) for joint in joints], axis=1) @ bind
         points = self.accessor(attributes.POSITION)

@@ -1,4 +1,4 @@
-"""Run by a Python that has usd-core: says where the joints of a skeleton are, and the skin of it.
+"""Run by a Python that has usd-core: says where the joints of a skeleton are, the skin of it, and rigid objects.
 
 Usage: read_in_usd.py FILE OUT.json
 """
@@ -7,7 +7,7 @@ import json
 import sys
 from pathlib import Path
 
-from pxr import Gf, Usd, UsdGeom, UsdSkel
+from pxr import Gf, Usd, UsdGeom, UsdShade, UsdSkel
 
 EVERY = 50
 """The places of every so-manieth vertex are told."""
@@ -33,7 +33,30 @@ def main(file, output):
         points = type(rest)(rest)
         assert skinning.ComputeSkinnedPoints(query.ComputeSkinningTransforms(frame), points, frame)
         skins.append([list(Gf.Vec3d(*points[row])) for row in range(0, len(points), EVERY)])
+    poses = UsdGeom.XformCache()
+    objects = {}
+    for frame in frames:
+        poses.SetTime(frame)
+        for prim in stage.Traverse():
+            if prim.IsA(UsdGeom.Xform):
+                matrix = poses.GetLocalToWorldTransform(prim)
+                rows = [list(matrix.GetRow(row)) for row in range(4)]  # USD multiplies rows by matrices
+                objects.setdefault(prim.GetName(), []).append(rows)
+    ground = [
+        list(point)
+        for prim in stage.Traverse()
+        if prim.IsA(UsdGeom.Mesh) and prim.GetParent().GetName() == "ground"
+        for point in UsdGeom.Mesh(prim).GetPointsAttr().Get()
+    ]
+    bound = [
+        str(UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0].GetPath())
+        for prim in stage.Traverse()
+        if prim.IsA(UsdGeom.Mesh)
+    ]
     said = {
+        "objects": objects,
+        "ground": ground,
+        "materials": bound,
         "heads": heads,
         "skins": skins,
         "fps": stage.GetTimeCodesPerSecond(),

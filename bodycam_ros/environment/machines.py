@@ -1,4 +1,4 @@
-"""What equipment looks like: a bicycle with wheels that roll, a snowboard; all else are tubes along its lines."""
+"""What equipment looks like: a bicycle with wheels that roll, a snowboard, a barbell; else tubes along its lines."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,12 +7,16 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from bodycam_ros.body.body_model import BodyModel
+from bodycam_ros.body.body_model import BodyModel, bone_ends
+from bodycam_ros.body.limb_mesh import Ball, limb_mesh
 from bodycam_ros.body.surface import Faces, join_meshes
 from bodycam_ros.geometry import Array, exp_so3, transform_points
 
 PAINT, RUBBER, METAL = range(3)
 """Colours of parts."""
+
+COLOURS = "#8e4a8a", "#26282b", "#a4aab0"
+"""Written colours of ``PAINT``, which is that of equipment in all pictures, ``RUBBER`` and ``METAL``."""
 
 WHEEL_M = 0.34
 """Radius of a wheel, with its tyre."""
@@ -23,9 +27,12 @@ _HEAD_LOW, _HEAD_HIGH = np.array([0.44, 0.0, 0.47]), np.array([0.375, 0.0, 0.66]
 _GRIPS = {"left": (0.4, 0.22, 0.76), "right": (0.4, -0.22, 0.76)}
 _BEYOND_M = 0.06  # of the bar, beyond the hands
 _BRACKET = np.zeros(3)
+_LINE_M = 0.014  # radius of a tube that stands for a line
 _TUBE_M, _THIN_M, _TYRE_M, _SPOKE_M = 0.017, 0.009, 0.016, 0.0022
 _SPOKES = 14
-_BOARD_M, _WAIST_M, _THICK_M = 1.52, 0.255, 0.012
+_BOARD_M, _WAIST_M, _THICK_M = 1.52, 0.25, 0.012
+_FLAT_M, _SIDECUT_M, _RISE_M = 0.56, 0.045, 0.09  # flat from the middle on; how much wider there; how high the ends are
+_SHAFT_M, _SLEEVE_M, _PALM_M, _PLATE_M = 0.655, 0.41, 0.12, (0.225, 0.06)  # plates: radius, thickness
 _SOLE_M = 0.011  # half of a pedal's height
 
 Mesh = tuple[Array, Faces]
@@ -58,7 +65,7 @@ class Part:
 
 
 def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, ...]:
-    """Parts of a bicycle or snowboard, known by the segments that files of equipment have; none of other equipment.
+    """Parts of a bicycle, snowboard or barbell, known by the segments of their files; tubes of other equipment.
 
     Args:
         body: with its equipment.
@@ -69,7 +76,10 @@ def machine_parts(body: BodyModel, lengths: Mapping[str, float]) -> tuple[Part, 
         return tuple(_bicycle(body, lengths))
     if "board" in segments:
         return tuple(_snowboard(body))
-    return ()
+    if segments == {"bar"}:
+        return tuple(_barbell(body))
+    lines = [(segment, end) for segment in sorted(segments) for end in bone_ends(body, segment)]
+    return tuple(Part(segment, *_line(end), PAINT) for segment, end in lines)
 
 
 def _bicycle(body: BodyModel, lengths: Mapping[str, float]) -> list[Part]:
@@ -118,18 +128,54 @@ def _bicycle(body: BodyModel, lengths: Mapping[str, float]) -> list[Part]:
 
 def _snowboard(body: BodyModel) -> list[Part]:
     """Its upper face is the board's origin."""
-    straight = _BOARD_M - _WAIST_M
-    middle = np.array([0.0, 0.0, -0.5 * _THICK_M])
-    ends = [np.array([sign * 0.5 * straight, 0.0, -0.5 * _THICK_M]) for sign in (-1.0, 1.0)]
-    disc = trimesh.creation.cylinder(0.5 * _WAIST_M, _THICK_M, sections=48)
-    deck = [_mesh(trimesh.creation.box((straight, _WAIST_M, _THICK_M)), middle), *(_mesh(disc, end) for end in ends)]
     bindings = sorted(body.equipment_segments - {"board"})
     plate = _mesh(trimesh.creation.box((0.27, 0.12, 0.008)), np.array([0.0, 0.0, -0.004]))
-    return [Part("board", *join_meshes(deck), PAINT), *(Part(binding, *plate, RUBBER) for binding in bindings)]
+    return [Part("board", *_deck(), PAINT), *(Part(binding, *plate, RUBBER) for binding in bindings)]
 
 
-def _tube(start: Array, end: Array, radius: float) -> Mesh:
-    return _mesh(trimesh.creation.cylinder(radius, sections=14, segment=np.stack([start, end])), np.zeros(3))
+def _deck() -> Mesh:
+    """Narrowest in the middle, with nose and tail round and bent up."""
+    x = 0.5 * _BOARD_M * np.sin(np.linspace(-0.5 * np.pi, 0.5 * np.pi, 49))
+    bent = np.clip((np.abs(x) - _FLAT_M) / (0.5 * _BOARD_M - _FLAT_M), 0.0, 1.0)
+    half = 0.5 * (_WAIST_M + _SIDECUT_M * np.minimum(np.abs(x) / _FLAT_M, 1.0) ** 2)
+    half *= np.sqrt(np.maximum(1.0 - bent**2, 1e-4))
+    across = np.linspace(-1.0, 1.0, 9)
+    top = np.stack(np.broadcast_arrays(x[:, None], half[:, None] * across, _RISE_M * bent[:, None] ** 2), axis=2)
+    vertices = np.concatenate([top.reshape(-1, 3), (top - [0.0, 0.0, _THICK_M]).reshape(-1, 3)])
+    rows = np.arange(top[..., 0].size, dtype=np.int32).reshape(top.shape[:2])
+    below = rows + rows.size
+    around = [(rows[:, -1], below[:, -1]), (below[:, 0], rows[:, 0]), (below[-1], rows[-1]), (rows[0], below[0])]
+    faces = [_grid(rows), _grid(below)[:, ::-1]]
+    faces += [_grid(np.stack(pair, axis=1)) for pair in around]
+    return vertices, np.concatenate(faces)
+
+
+def _grid(rows: NDArray[np.int32]) -> Faces:
+    """Triangles (T, 3) of a grid of vertices, counter-clockwise where the second index is to the left of the first."""
+    a, b, c, d = rows[:-1, :-1], rows[1:, :-1], rows[1:, 1:], rows[:-1, 1:]
+    triangles = np.stack([np.stack([a, b, c], axis=-1), np.stack([a, c, d], axis=-1)], axis=-2)
+    return triangles.reshape(-1, 3).astype(np.int32)
+
+
+def _barbell(body: BodyModel) -> list[Part]:
+    """Along the bar's y, with plates outside of the hands."""
+    held = [abs(float(joint.parent_T_joint[1, 3])) for joint in body.loop_joints if joint.parent == "bar"]
+    inside = np.array([0.0, max(_SHAFT_M, max(held, default=0.0) + _PALM_M), 0.0])
+    sleeve, plate = np.array([0.0, _SLEEVE_M, 0.0]), np.array([0.0, _PLATE_M[1], 0.0])
+    metal, rubber = [_tube(-inside - sleeve, inside + sleeve, 0.014)], []
+    for side in (-1.0, 1.0):
+        metal += [_tube(side * inside, side * (inside + sleeve), 0.025)]
+        rubber += [_tube(side * (inside + 0.25 * plate), side * (inside + 1.25 * plate), _PLATE_M[0], 48)]
+    return [Part("bar", *join_meshes(metal), METAL), Part("bar", *join_meshes(rubber), RUBBER)]
+
+
+def _line(end: Array) -> Mesh:
+    """A round tube from the origin to a point (3,)."""
+    return limb_mesh(np.zeros(3), end, [Ball(0.0, _LINE_M), Ball(1.0, _LINE_M)], np.array([0.0, 0.0, 1.0]))
+
+
+def _tube(start: Array, end: Array, radius: float, sections: int = 14) -> Mesh:
+    return _mesh(trimesh.creation.cylinder(radius, sections=sections, segment=np.stack([start, end])), np.zeros(3))
 
 
 def _ring(hub: Array, radius: float, thickness: float) -> Mesh:
