@@ -27,11 +27,11 @@ PIPELINE = "pipeline.settings:PipelineSettings"
 
 
 def number(kind: Callable[[str], N], low: float, high: float, unit: str = "") -> Callable[[str], N]:
-    """Converter of a number from ``low`` to ``high``; argparse reports any other."""
+    """Converter of a number from ``low`` to ``high``, with or without its unit; argparse reports any other."""
 
     def convert(text: str) -> N:
         try:
-            value = kind(text)
+            value = kind(text.removesuffix(unit))
         except ValueError:
             value = None
         if value is None or not low <= value <= high:

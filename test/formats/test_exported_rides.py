@@ -95,7 +95,7 @@ def test_wheels_roll_as_far_as_the_bicycle_goes(ride: Exported) -> None:
 
 
 def test_a_snowboarder_rides_down_a_slope_on_it(descent: Exported) -> None:
-    read = ReadGlb(descent.file("glb", "--environment", "slope:30", "--travel", "4", name="slope"))
+    read = ReadGlb(descent.file("glb", "--environment", "slope:30", "--travel", "4m/s", name="slope"))
     board = pose(read, "board")
     deck = mesh(read, "board")
     normal = np.array([np.sin(np.radians(30.0)), 0.0, np.cos(np.radians(30.0))])
