@@ -28,6 +28,7 @@ from bodycam_ros.static_cameras.segment_support import (
     opposite_rows,
     surface_variances,
 )
+from bodycam_ros.static_cameras.slid_arm import FOUND_M, LEAST_GAIN, LEAST_PIXELS, Rows, arms_of, slide_down
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
 from bodycam_ros.static_cameras.static_camera import Contour, Image, Mask, RegionEvidence, RegionModel, StaticCamera
 
@@ -47,6 +48,7 @@ _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their 
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
+_ARM_EVERY = 2  # frames between two tries of whether an arm has slid
 _LASTING = 3  # frames in which keypoints have a limb elsewhere: two cameras may exchange left and right at once
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
 
@@ -99,6 +101,7 @@ class RegionTracker:
         self._step = ArticulatedStep(body)
         self._min_views = _MIN_VIEWS if searches_again else len(stations) + 1
         self._opposite = opposite_rows(body)
+        self._arms = arms_of(body)
         self._all = np.ones(len(body.segments), bool)
         self.restart()
 
@@ -107,6 +110,7 @@ class RegionTracker:
         self._support = SegmentSupport(self.body)
         self._cameras = CameraSupport()
         self._random = np.random.default_rng(_SEED)
+        self._next_arm = 0
         self._far_for = np.zeros(len(self.body.segments), np.int64)  # frames that keypoints had a segment elsewhere
         self._forget_colours()
 
@@ -294,6 +298,10 @@ class RegionTracker:
             predicted = _near(start)
             self._support.start_again(jumped)
         fit = self._fit(images, start, predicted, known, self._support.unconfirmed, agreed.keypoints)
+        slid = self._slid_arm(images, fit, known, on_body, agreed)
+        if slid is not None:
+            fit, arm = slid
+            jumped[arm] = True
         self._update_support(images, fit)
         if len(images) >= self._min_views and (missing := self._support.next_search() & ~on_body).any():
             colours = {name: view.colours for name, view in self.views.items()}
@@ -332,6 +340,27 @@ class RegionTracker:
             surface_variances(self.body),
             agreed.keypoints,
         )
+
+    def _slid_arm(
+        self, images: Images, fit: _Fit, known: Collection[SegmentPose], on_body: Mask, agreed: AgreedKeypoints
+    ) -> tuple[_Fit, Rows] | None:
+        """The body with an arm where images explain it better, and the arm's rows; None where it had not slid."""
+        self._next_arm += 1
+        number, rest = divmod(self._next_arm, _ARM_EVERY)
+        if rest or not self._arms or len(images) < self._min_views:
+            return None
+        arm = self._arms[number % len(self._arms)]
+        explained, pixels = self._explain_pixels(images, self._contours(images, fit.poses))
+        if (on_body | self._support.unconfirmed)[arm].any() or pixels[arm].sum() < LEAST_PIXELS:
+            return None
+        tried = self._step.close_joints(slide_down(fit.poses, arm))
+        other = self._fit(images, tried, _near(tried), known, self._support.unconfirmed, agreed.keypoints)
+        elbow = arm[1]
+        if np.linalg.norm(other.poses[elbow, :3, 3] - fit.poses[elbow, :3, 3]) < FOUND_M:
+            return None
+        by_other, _ = self._explain_pixels(images, self._contours(images, other.poses))
+        gain = float(by_other.sum() - explained.sum())
+        return (other, arm) if gain > LEAST_GAIN * pixels[arm].sum() else None
 
     def _fit(
         self,
