@@ -50,6 +50,7 @@ _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
 _ARM_EVERY = 2  # frames between two tries of whether an arm has slid
 _LASTING = 3  # frames in which keypoints have a limb elsewhere: two cameras may exchange left and right at once
+_FAR_M, _FAR_RAD = 0.1, 0.7  # by which a limb jumps that was elsewhere before
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
 
 Images = Mapping[str, Image]
@@ -286,7 +287,7 @@ class RegionTracker:
         for name in images:
             view = self.views[name]
             view.copy_unknown_colours(other for other in self.views.values() if other is not view)
-        start = self._step.close_joints(predicted.world_T_segment)
+        start = expected = self._step.close_joints(predicted.world_T_segment)
         on_body = self.body.named(each.segment for each in known)
         far = agreed.far_from(start)
         self._far_for = np.where(far, self._far_for + 1, 0)
@@ -339,6 +340,7 @@ class RegionTracker:
             misplaced,
             surface_variances(self.body),
             agreed.keypoints,
+            frozenset(np.flatnonzero(jumped & ~on_body & _is_far(fit.poses, expected)).tolist()),
         )
 
     def _slid_arm(
@@ -417,6 +419,14 @@ class RegionTracker:
         poses = before[seen] @ exp_se3((covariances @ (regions.vector[seen] / LINES_ALIKE)[..., None])[..., 0])
         names = [self.body.segments[row] for row in np.flatnonzero(seen)]
         return [SegmentPose(*each) for each in zip(names, poses, covariances, strict=True)]
+
+
+def _is_far(poses: Array, others: Array) -> Mask:
+    """(S,) segments at poses (S, 4, 4) whose origin or long axis is far from others'."""
+    off_m = np.linalg.norm(poses[:, :3, 3] - others[:, :3, 3], axis=1)
+    along = np.sum(poses[:, :3, 2] * others[:, :3, 2], axis=1)
+    far: Mask = (off_m > _FAR_M) | (along < np.cos(_FAR_RAD))
+    return far
 
 
 def _near(poses: Array) -> PredictedBody:

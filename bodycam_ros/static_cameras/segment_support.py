@@ -126,7 +126,11 @@ class SegmentSupport:
         confirmed = self._smoothed >= CONFIRMED
         has_like = self._has_opposite & ~self.unseen[self._opposite]
         self.unconfirmed = self.unconfirmed & ~confirmed
-        self.unseen = self.unseen & ~(confirmed & (~has_like | (self._alike >= _CONFIRMED_ALIKE * self._usual)))
+        still = self.unseen & ~(confirmed & (~has_like | (self._alike >= _CONFIRMED_ALIKE * self._usual)))
+        # A shin points to where its foot is: neither is confirmed while the foot is seen, and is not.
+        inner, outer = self._pairs.T
+        still[inner] |= self.unseen[inner] & still[outer] & np.isfinite(self._smoothed[outer])
+        self.unseen = still
 
     @property
     def false(self) -> Mask:
