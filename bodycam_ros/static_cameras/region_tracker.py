@@ -28,7 +28,7 @@ from bodycam_ros.static_cameras.segment_support import (
     opposite_rows,
     surface_variances,
 )
-from bodycam_ros.static_cameras.slid_arm import FOUND_M, LEAST_GAIN, LEAST_PIXELS, Rows, arms_of, slide_down
+from bodycam_ros.static_cameras.slid_arm import FOUND_M, LEAST_GAIN, LEAST_PIXELS, Rows, arms_of, slide
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
 from bodycam_ros.static_cameras.static_camera import Contour, Image, Mask, RegionEvidence, RegionModel, StaticCamera
 
@@ -355,7 +355,7 @@ class RegionTracker:
         explained, pixels = self._explain_pixels(images, self._contours(images, fit.poses))
         if (on_body | self._support.unconfirmed)[arm].any() or pixels[arm].sum() < LEAST_PIXELS:
             return None
-        tried = self._step.close_joints(slide_down(fit.poses, arm))
+        tried = self._step.close_joints(slide(fit.poses, arm))
         other = self._fit(images, tried, _near(tried), known, self._support.unconfirmed, agreed.keypoints)
         elbow = arm[1]
         if np.linalg.norm(other.poses[elbow, :3, 3] - fit.poses[elbow, :3, 3]) < FOUND_M:

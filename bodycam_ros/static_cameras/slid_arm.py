@@ -36,11 +36,11 @@ def arms_of(body: BodyModel) -> list[Rows]:
     return [np.array([rows[name] for name in arm]) for arm in arms if all(name in rows for name in arm)]
 
 
-def slide_down(poses: Array, arm: Rows) -> Array:
-    """Poses (S, 4, 4) with an arm's elbow further towards its hand; the forearm keeps its direction."""
+def slide(poses: Array, arm: Rows, along_m: float = SLID_M) -> Array:
+    """Poses (S, 4, 4) with an arm's elbow further towards its hand [m]; the forearm keeps its direction."""
     upper_arm, forearm, hand = arm
     shoulder, elbow, wrist = poses[arm, :3, 3]
-    tried = elbow + SLID_M * _unit(wrist - elbow) - shoulder
+    tried = elbow + along_m * _unit(wrist - elbow) - shoulder
     before = elbow - shoulder
     moved = poses.copy()
     moved[upper_arm, :3, :3] = _turn(_unit(before), _unit(tried)) @ poses[upper_arm, :3, :3]
