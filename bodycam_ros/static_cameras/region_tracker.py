@@ -24,16 +24,14 @@ from bodycam_ros.static_cameras.segment_support import (
     CONFIRMED,
     CameraSupport,
     SegmentSupport,
+    is_far,
     measure_support,
     opposite_rows,
     surface_variances,
 )
-from bodycam_ros.static_cameras.slid_arm import FOUND_M, LEAST_GAIN, LEAST_PIXELS, Rows, arms_of, slide
+from bodycam_ros.static_cameras.slid_arm import SlidArms
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
 from bodycam_ros.static_cameras.static_camera import Contour, Image, Mask, RegionEvidence, RegionModel, StaticCamera
-
-_LOOSE = np.repeat([0.3, 0.05], 3)
-"""[rad], [m] deviation of a tried pose from where the images have the segment."""
 
 _SEED = 1
 """Seed of the random poses of a search: a replay gives the same result each time."""
@@ -48,9 +46,7 @@ _TRIES, _TRIED_RAD = 14, 0.09  # of arms in the first image, and sigma of their 
 _MIXED = 2.5  # times as many lines count as one while colours are mixed
 _RIGID_RAD = 0.01  # of joints while a body that was placed by hand moves as one
 
-_ARM_EVERY = 2  # frames between two tries of whether an arm has slid
 _LASTING = 3  # frames in which keypoints have a limb elsewhere: two cameras may exchange left and right at once
-_FAR_M, _FAR_RAD = 0.1, 0.7  # by which a limb jumps that was elsewhere before
 _MIN_VIEWS = 2  # cameras needed to search for a limb: one does not measure its distance
 
 Images = Mapping[str, Image]
@@ -102,7 +98,6 @@ class RegionTracker:
         self._step = ArticulatedStep(body)
         self._min_views = _MIN_VIEWS if searches_again else len(stations) + 1
         self._opposite = opposite_rows(body)
-        self._arms = arms_of(body)
         self._all = np.ones(len(body.segments), bool)
         self.restart()
 
@@ -111,7 +106,7 @@ class RegionTracker:
         self._support = SegmentSupport(self.body)
         self._cameras = CameraSupport()
         self._random = np.random.default_rng(_SEED)
-        self._next_arm = 0
+        self._arms = SlidArms(self.body)
         self._far_for = np.zeros(len(self.body.segments), np.int64)  # frames that keypoints had a segment elsewhere
         self._forget_colours()
 
@@ -222,7 +217,7 @@ class RegionTracker:
             return float(self._explain_pixels(images, self._contours(images, tried))[0].sum())
 
         def refine(tried: Array) -> Array:
-            return self._fit(images, tried, _near(tried), known, unknown).poses
+            return self._fit(images, tried, PredictedBody.near(tried), known, unknown).poses
 
         search = LimbSearch(self.body, energy, refine, self._random)
         for chain in chains_of(self.body, missing):
@@ -232,7 +227,7 @@ class RegionTracker:
             unknown = unknown & ~limb
             found = search.find(found, chain)
             self.update_colours(images, found, 1.0, limb)
-        fit = self._fit(images, found, _near(found), known, unknown)
+        fit = self._fit(images, found, PredictedBody.near(found), known, unknown)
         support = self._measure_support(images, fit)
         still = self._support.with_descendants(missing & ~(support >= CONFIRMED), missing)
         return self._step.close_joints(np.where(still[:, None, None], poses, fit.poses)), still
@@ -295,14 +290,24 @@ class RegionTracker:
         agreed = agreed.without(far & ~jumped)
         if jumped.any():
             # Keypoints have limbs elsewhere, and not for a moment: they are taken there, and the contours fit them.
-            start, jumped = agreed.move_limbs(self._step, start, _near(start), jumped)
-            predicted = _near(start)
+            start, jumped = agreed.move_limbs(self._step, start, PredictedBody.near(start), jumped)
+            predicted = PredictedBody.near(start)
             self._support.start_again(jumped)
+
+        def refit(near: Array) -> _Fit:
+            return self._fit(images, near, PredictedBody.near(near), known, self._support.unconfirmed, agreed.keypoints)
+
         fit = self._fit(images, start, predicted, known, self._support.unconfirmed, agreed.keypoints)
-        slid = self._slid_arm(images, fit, known, on_body, agreed)
-        if slid is not None:
-            fit, arm = slid
-            jumped[arm] = True
+        if len(images) >= self._min_views:
+            slid = self._arms.find(
+                fit.poses,
+                on_body | self._support.unconfirmed,
+                lambda tried: self._explain_pixels(images, self._contours(images, tried)),
+                lambda tried: refit(tried).poses,
+            )
+            if slid is not None:
+                fit = refit(slid.poses)
+                jumped[slid.arm] = True
         self._update_support(images, fit)
         if len(images) >= self._min_views and (missing := self._support.next_search() & ~on_body).any():
             colours = {name: view.colours for name, view in self.views.items()}
@@ -311,7 +316,7 @@ class RegionTracker:
             jumped = jumped | found
             if found.any():
                 self._support.start_again(found)
-                fit = self._fit(images, poses, _near(poses), known, self._support.unconfirmed, agreed.keypoints)
+                fit = refit(poses)
                 self._update_support(images, fit)
             else:
                 for name, view in self.views.items():
@@ -340,29 +345,8 @@ class RegionTracker:
             misplaced,
             surface_variances(self.body),
             agreed.keypoints,
-            frozenset(np.flatnonzero(jumped & ~on_body & _is_far(fit.poses, expected)).tolist()),
+            frozenset(np.flatnonzero(jumped & ~on_body & is_far(fit.poses, expected)).tolist()),
         )
-
-    def _slid_arm(
-        self, images: Images, fit: _Fit, known: Collection[SegmentPose], on_body: Mask, agreed: AgreedKeypoints
-    ) -> tuple[_Fit, Rows] | None:
-        """The body with an arm where images explain it better, and the arm's rows; None where it had not slid."""
-        self._next_arm += 1
-        number, rest = divmod(self._next_arm, _ARM_EVERY)
-        if rest or not self._arms or len(images) < self._min_views:
-            return None
-        arm = self._arms[number % len(self._arms)]
-        explained, pixels = self._explain_pixels(images, self._contours(images, fit.poses))
-        if (on_body | self._support.unconfirmed)[arm].any() or pixels[arm].sum() < LEAST_PIXELS:
-            return None
-        tried = self._step.close_joints(slide(fit.poses, arm))
-        other = self._fit(images, tried, _near(tried), known, self._support.unconfirmed, agreed.keypoints)
-        elbow = arm[1]
-        if np.linalg.norm(other.poses[elbow, :3, 3] - fit.poses[elbow, :3, 3]) < FOUND_M:
-            return None
-        by_other, _ = self._explain_pixels(images, self._contours(images, other.poses))
-        gain = float(by_other.sum() - explained.sum())
-        return (other, arm) if gain > LEAST_GAIN * pixels[arm].sum() else None
 
     def _fit(
         self,
@@ -419,16 +403,3 @@ class RegionTracker:
         poses = before[seen] @ exp_se3((covariances @ (regions.vector[seen] / LINES_ALIKE)[..., None])[..., 0])
         names = [self.body.segments[row] for row in np.flatnonzero(seen)]
         return [SegmentPose(*each) for each in zip(names, poses, covariances, strict=True)]
-
-
-def _is_far(poses: Array, others: Array) -> Mask:
-    """(S,) segments at poses (S, 4, 4) whose origin or long axis is far from others'."""
-    off_m = np.linalg.norm(poses[:, :3, 3] - others[:, :3, 3], axis=1)
-    along = np.sum(poses[:, :3, 2] * others[:, :3, 2], axis=1)
-    far: Mask = (off_m > _FAR_M) | (along < np.cos(_FAR_RAD))
-    return far
-
-
-def _near(poses: Array) -> PredictedBody:
-    """Prediction of a body that was found at about poses (S, 4, 4)."""
-    return PredictedBody(poses, _LOOSE, float(_LOOSE[0]))

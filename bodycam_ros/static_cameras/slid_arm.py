@@ -5,6 +5,9 @@ forearm and sleeve part where a joint connects them, which no line measures. So 
 itself. Pixels tell: those beyond the elbow have the sleeve's colours.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,18 +18,74 @@ from bodycam_ros.geometry import Array, exp_so3
 SLID_M = 0.12
 """How far towards the hand an elbow is tried; half of the way is enough for contours to find the rest."""
 
-FOUND_M = 0.05
+_FOUND_M = 0.05
 """From the elbow to where it is found again, from which on it had slid [m]."""
 
-LEAST_GAIN = 0.03
+_LEAST_GAIN = 0.03
 """Share of the arm's pixels that images must explain more. Of 226 right limbs 1 had as much, an arm of 4 pixels."""
 
-LEAST_PIXELS = 200.0
+_LEAST_PIXELS = 200.0
 """Pixels of an arm in all images, at half their resolution, of which fewer decide nothing."""
 
+_EVERY = 2  # frames: a try costs as much as the fit of a frame
 _NOTHING = 1e-9
 
 Rows = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class SlidArm:
+    """An arm that had slid.
+
+    Attributes:
+        poses: (S, 4, 4) of the body with the arm where images explain it better.
+        arm: (3,) its rows.
+    """
+
+    poses: Array
+    arm: Rows
+
+
+class SlidArms:
+    """Tries arms further down, one in every second frame.
+
+    Args:
+        body: segments; its arms are those that have a hand.
+    """
+
+    def __init__(self, body: BodyModel) -> None:
+        self._arms = arms_of(body)
+        self._frames = 0
+
+    def find(
+        self,
+        poses: Array,
+        excluded: Mask,
+        explain: Callable[[Array], Array],
+        refine: Callable[[Array], Array],
+    ) -> SlidArm | None:
+        """The arm of this frame, if images explain it better elsewhere.
+
+        Args:
+            poses: (S, 4, 4) of the body as it was fitted.
+            excluded: (S,) segments that are not tried.
+            explain: poses (S, 4, 4) -> (2, S) pixels that segments explain, and all of theirs.
+            refine: poses (S, 4, 4) near the given ones that fit the images.
+        """
+        self._frames += 1
+        number, rest = divmod(self._frames, _EVERY)
+        if rest or not self._arms:
+            return None
+        arm = self._arms[number % len(self._arms)]
+        explained, pixels = explain(poses)
+        if excluded[arm].any() or pixels[arm].sum() < _LEAST_PIXELS:
+            return None
+        found = refine(slide(poses, arm))
+        if np.linalg.norm(found[arm[1], :3, 3] - poses[arm[1], :3, 3]) < _FOUND_M:
+            return None
+        gain = float(explain(found)[0].sum() - explained.sum())
+        return SlidArm(found, arm) if gain > _LEAST_GAIN * pixels[arm].sum() else None
 
 
 def arms_of(body: BodyModel) -> list[Rows]:
