@@ -137,7 +137,7 @@ def test_an_arm_does_not_stay_at_the_contour_of_a_trunk_of_its_colours(
 
 
 def test_an_arm_that_slid_up_its_sleeve_is_found(sample, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Contours leave the elbow 22 cm off, with other images too; pixels beyond it have the shirt's colours."""
+    """Contours alone leave the elbow 22 cm off; pixels beyond it have the shirt's colours."""
     monkeypatch.setitem(CLOTHES, "upper_arm", CLOTHES["torso"])
     body = with_hands(read_body(sample / "body.yaml"))
     cameras = static_cameras_around(3)
