@@ -36,6 +36,7 @@ class StaticMeasurement:
         surface_variances: (S, 6) of errors in the segments' axes that last for a recording, rotation [rad^2] then
             translation [m^2]; empty for none.
         keypoints: of joints in the images.
+        found: rows of those that jumped far, so that states before have them elsewhere.
     """
 
     evidence: Mapping[str, list[SegmentPose]]
@@ -46,6 +47,7 @@ class StaticMeasurement:
     misplaced: frozenset[str] = frozenset()
     surface_variances: Array = field(default_factory=lambda: np.zeros(0))
     keypoints: JointKeypoints = field(default_factory=JointKeypoints.nothing)
+    found: frozenset[int] = frozenset()
 
     @property
     def observed(self) -> set[str]:

@@ -22,11 +22,17 @@ class StaticCameraLog:
     def __init__(self) -> None:
         self._stamps_ns: list[int] = []
         self._unsupported: dict[str, set[int]] = {}
+        self._before_found: dict[str, list[tuple[int, int]]] = {}  # first and last state
         self._observed: Counter[str] = Counter()
         self._misplaced: Counter[str] = Counter()
 
     def add(
-        self, stamp_ns: int, observed: Collection[str], unsupported: Collection[str], misplaced: Collection[str]
+        self,
+        stamp_ns: int,
+        observed: Collection[str],
+        unsupported: Collection[str],
+        misplaced: Collection[str],
+        found: Collection[str] = (),
     ) -> None:
         """Add a state.
 
@@ -35,7 +41,11 @@ class StaticCameraLog:
             observed: segments.
             unsupported: segments that the images do not show where the body has them.
             misplaced: cameras whose images do not show the body where the others have it.
+            found: segments that were elsewhere in the states before.
         """
+        number = len(self._stamps_ns)
+        for segment in found if number else ():
+            self._before_found.setdefault(segment, []).append((max(number - _LATE, 0), number - 1))
         for segment in unsupported:
             self._unsupported.setdefault(segment, set()).add(len(self._stamps_ns))
         self._stamps_ns.append(stamp_ns)
@@ -45,7 +55,8 @@ class StaticCameraLog:
     def add_measured(self, stamps_ns: Mapping[str, int], measured: StaticMeasurement, segments: Sequence[str]) -> None:
         """Add a measurement of a body's segments, with the stamp of each camera's image [ns]."""
         unsupported = [segments[row] for row in measured.unsupported]
-        self.add(min(stamps_ns.values()), measured.observed, unsupported, measured.misplaced)
+        found = [segments[row] for row in measured.found]
+        self.add(min(stamps_ns.values()), measured.observed, unsupported, measured.misplaced, found)
 
     def findings(self, wanted: Collection[str]) -> Iterator[Finding]:
         """Findings on segments and cameras.
@@ -64,15 +75,18 @@ class StaticCameraLog:
                     "look at its images; if nobody is in front of it, calibrate it again. It was not used in that time"
                 )
                 yield Finding(camera, Level.WRONG, what, why, remedy, check="misplaced")
-        for segment, unsupported in self._unsupported.items():
-            rows = np.array(sorted(unsupported))
-            runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+        for segment in wanted:
+            rows = np.array(sorted(self._unsupported.get(segment, ())), int)
+            runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
             runs = [run for run in runs if seconds[run[-1]] - seconds[run[0]] >= _MIN_SPAN_S]
-            if segment not in wanted or not runs:
-                continue
             lengths = [float(seconds[run[-1]] - seconds[run[0]]) for run in runs]
-            spans = [(seconds[max(run[0] - _LATE, 0)], seconds[run[-1]]) for run in runs]
-            is_wrong = max(lengths) > _WRONG_SPAN_S or sum(lengths) > _WRONG_SHARE * float(seconds[-1])
+            lost = [(max(int(run[0]) - _LATE, 0), int(run[-1])) for run in runs]
+            spans = [
+                (seconds[first], seconds[last]) for first, last in _merged(lost + self._before_found.get(segment, []))
+            ]
+            if not spans:
+                continue
+            is_wrong = max(lengths, default=0.0) > _WRONG_SPAN_S or sum(lengths) > _WRONG_SHARE * float(seconds[-1])
             when = ", ".join(f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans[:_MAX_SPANS])
             when += f" and {len(spans) - _MAX_SPANS} more" if len(spans) > _MAX_SPANS else ""
             yield Finding(
@@ -90,3 +104,14 @@ class StaticCameraLog:
                 why = "it was hidden, tracking lost it, or its colours are those of the background"
                 remedy = "add a static camera that sees it"
                 yield Finding(segment, Level.DOUBTFUL, what, why, remedy, part="segment", check="unobserved")
+
+
+def _merged(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    """The same states by spans that do not overlap, in order."""
+    merged: list[tuple[int, int]] = []
+    for first, last in sorted(spans):
+        if merged and first <= merged[-1][1] + 1:
+            merged[-1] = merged[-1][0], max(last, merged[-1][1])
+        else:
+            merged.append((first, last))
+    return merged

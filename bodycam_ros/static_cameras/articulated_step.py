@@ -23,6 +23,10 @@ _DAMPING = 3.0  # [rad], [m] sigma of a step: damping of what is unobserved
 _CONVERGED = 1e-9  # change of a pose's entries by a step that moves nothing more
 
 
+_LOOSE = np.repeat([0.3, 0.05], 3)
+"""[rad], [m] deviation of a tried pose from where the images have the segment."""
+
+
 @dataclass(frozen=True, eq=False)
 class PredictedBody:
     """A body as predicted before it is measured.
@@ -36,6 +40,11 @@ class PredictedBody:
     world_T_segment: Array
     root_sigmas: Array
     joint_sigma: float
+
+    @staticmethod
+    def near(poses: Array) -> "PredictedBody":
+        """Prediction of a body that was found at about poses (S, 4, 4)."""
+        return PredictedBody(poses, _LOOSE, float(_LOOSE[0]))
 
 
 class ArticulatedStep:

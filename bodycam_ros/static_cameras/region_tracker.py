@@ -24,15 +24,14 @@ from bodycam_ros.static_cameras.segment_support import (
     CONFIRMED,
     CameraSupport,
     SegmentSupport,
+    is_far,
     measure_support,
     opposite_rows,
     surface_variances,
 )
+from bodycam_ros.static_cameras.slid_arm import SlidArms
 from bodycam_ros.static_cameras.start_file import START_JOINT_RAD, START_SIGMAS
 from bodycam_ros.static_cameras.static_camera import Contour, Image, Mask, RegionEvidence, RegionModel, StaticCamera
-
-_LOOSE = np.repeat([0.3, 0.05], 3)
-"""[rad], [m] deviation of a tried pose from where the images have the segment."""
 
 _SEED = 1
 """Seed of the random poses of a search: a replay gives the same result each time."""
@@ -107,6 +106,7 @@ class RegionTracker:
         self._support = SegmentSupport(self.body)
         self._cameras = CameraSupport()
         self._random = np.random.default_rng(_SEED)
+        self._arms = SlidArms(self.body)
         self._far_for = np.zeros(len(self.body.segments), np.int64)  # frames that keypoints had a segment elsewhere
         self._forget_colours()
 
@@ -217,7 +217,7 @@ class RegionTracker:
             return float(self._explain_pixels(images, self._contours(images, tried))[0].sum())
 
         def refine(tried: Array) -> Array:
-            return self._fit(images, tried, _near(tried), known, unknown).poses
+            return self._fit(images, tried, PredictedBody.near(tried), known, unknown).poses
 
         search = LimbSearch(self.body, energy, refine, self._random)
         for chain in chains_of(self.body, missing):
@@ -227,7 +227,7 @@ class RegionTracker:
             unknown = unknown & ~limb
             found = search.find(found, chain)
             self.update_colours(images, found, 1.0, limb)
-        fit = self._fit(images, found, _near(found), known, unknown)
+        fit = self._fit(images, found, PredictedBody.near(found), known, unknown)
         support = self._measure_support(images, fit)
         still = self._support.with_descendants(missing & ~(support >= CONFIRMED), missing)
         return self._step.close_joints(np.where(still[:, None, None], poses, fit.poses)), still
@@ -282,7 +282,7 @@ class RegionTracker:
         for name in images:
             view = self.views[name]
             view.copy_unknown_colours(other for other in self.views.values() if other is not view)
-        start = self._step.close_joints(predicted.world_T_segment)
+        start = expected = self._step.close_joints(predicted.world_T_segment)
         on_body = self.body.named(each.segment for each in known)
         far = agreed.far_from(start)
         self._far_for = np.where(far, self._far_for + 1, 0)
@@ -290,10 +290,24 @@ class RegionTracker:
         agreed = agreed.without(far & ~jumped)
         if jumped.any():
             # Keypoints have limbs elsewhere, and not for a moment: they are taken there, and the contours fit them.
-            start, jumped = agreed.move_limbs(self._step, start, _near(start), jumped)
-            predicted = _near(start)
+            start, jumped = agreed.move_limbs(self._step, start, PredictedBody.near(start), jumped)
+            predicted = PredictedBody.near(start)
             self._support.start_again(jumped)
+
+        def refit(near: Array) -> _Fit:
+            return self._fit(images, near, PredictedBody.near(near), known, self._support.unconfirmed, agreed.keypoints)
+
         fit = self._fit(images, start, predicted, known, self._support.unconfirmed, agreed.keypoints)
+        if len(images) >= self._min_views:
+            slid = self._arms.find(
+                fit.poses,
+                on_body | self._support.unconfirmed,
+                lambda tried: self._explain_pixels(images, self._contours(images, tried)),
+                lambda tried: refit(tried).poses,
+            )
+            if slid is not None:
+                fit = refit(slid.poses)
+                jumped[slid.arm] = True
         self._update_support(images, fit)
         if len(images) >= self._min_views and (missing := self._support.next_search() & ~on_body).any():
             colours = {name: view.colours for name, view in self.views.items()}
@@ -302,7 +316,7 @@ class RegionTracker:
             jumped = jumped | found
             if found.any():
                 self._support.start_again(found)
-                fit = self._fit(images, poses, _near(poses), known, self._support.unconfirmed, agreed.keypoints)
+                fit = refit(poses)
                 self._update_support(images, fit)
             else:
                 for name, view in self.views.items():
@@ -331,6 +345,7 @@ class RegionTracker:
             misplaced,
             surface_variances(self.body),
             agreed.keypoints,
+            frozenset(np.flatnonzero(jumped & ~on_body & is_far(fit.poses, expected)).tolist()),
         )
 
     def _fit(
@@ -388,8 +403,3 @@ class RegionTracker:
         poses = before[seen] @ exp_se3((covariances @ (regions.vector[seen] / LINES_ALIKE)[..., None])[..., 0])
         names = [self.body.segments[row] for row in np.flatnonzero(seen)]
         return [SegmentPose(*each) for each in zip(names, poses, covariances, strict=True)]
-
-
-def _near(poses: Array) -> PredictedBody:
-    """Prediction of a body that was found at about poses (S, 4, 4)."""
-    return PredictedBody(poses, _LOOSE, float(_LOOSE[0]))

@@ -48,6 +48,8 @@ _CAMERA_RATIO = 0.6
 before a cluttered wall 0.85."""
 _MIN_CAMERAS = 3  # needed to identify a wrong one
 
+_FAR_M, _FAR_RAD = 0.1, 0.7  # by which a limb jumps that was elsewhere before
+
 _LIMB_SIGMAS = (0.05, 0.05, 0.12, 0.01, 0.01, 0.01)
 _SURFACE_SIGMAS = {
     "head": (0.13, 0.1, 0.5, 0.01, 0.01, 0.01),
@@ -126,7 +128,11 @@ class SegmentSupport:
         confirmed = self._smoothed >= CONFIRMED
         has_like = self._has_opposite & ~self.unseen[self._opposite]
         self.unconfirmed = self.unconfirmed & ~confirmed
-        self.unseen = self.unseen & ~(confirmed & (~has_like | (self._alike >= _CONFIRMED_ALIKE * self._usual)))
+        still = self.unseen & ~(confirmed & (~has_like | (self._alike >= _CONFIRMED_ALIKE * self._usual)))
+        # A shin points to where its foot is: neither is confirmed while the foot is seen, and is not.
+        inner, outer = self._pairs.T
+        still[inner] |= self.unseen[inner] & still[outer] & np.isfinite(self._smoothed[outer])
+        self.unseen = still
 
     @property
     def false(self) -> Mask:
@@ -176,6 +182,14 @@ class SegmentSupport:
         """Forget what images before showed of segments (S,) that a search has found elsewhere."""
         self._smoothed[found] = self._alike[found] = np.nan
         self.unconfirmed = self.unconfirmed & ~found
+
+
+def is_far(poses: Array, others: Array) -> Mask:
+    """(S,) segments at poses (S, 4, 4) whose origin or long axis is far from others'."""
+    off_m = np.linalg.norm(poses[:, :3, 3] - others[:, :3, 3], axis=1)
+    along = np.sum(poses[:, :3, 2] * others[:, :3, 2], axis=1)
+    far: Mask = (off_m > _FAR_M) | (along < np.cos(_FAR_RAD))
+    return far
 
 
 def opposite_rows(body: BodyModel) -> NDArray[np.int64]:

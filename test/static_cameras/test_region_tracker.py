@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from static_cameras.dressed_body import CLOTHES, MIDDLE, DressedBody, looking_at, small_motion, static_cameras_around
 from static_cameras.painted_scene import grained
 
+from bodycam_ros.body.average_person import with_hands
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.limb_mesh import capsule_surfaces
@@ -19,6 +20,7 @@ from bodycam_ros.kinematics.joint_angles import JointAngles
 from bodycam_ros.static_cameras.articulated_step import PredictedBody
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker
+from bodycam_ros.static_cameras.slid_arm import arms_of, slide
 from bodycam_ros.static_cameras.start_file import start_poses
 from bodycam_ros.static_cameras.static_camera import StaticCamera
 
@@ -26,6 +28,7 @@ Array = NDArray[np.float64]
 Images = list[dict[str, NDArray[np.uint8]]]
 
 FRAMES = 9
+BENT = {"shoulder_right_y": -0.5, "elbow_right_y": -1.0, "shoulder_right_x": 0.1, "shoulder_left_x": 0.15}
 SETTINGS = RegionSettings()
 SIGMAS = np.repeat([0.05, 0.03], 3)  # of where the root is expected: where it was
 WELL_KNOWN = 0.1  # [rad], [m] sigma below which a direction is said to be known
@@ -131,6 +134,34 @@ def test_an_arm_does_not_stay_at_the_contour_of_a_trunk_of_its_colours(
     for images in pictures[1:]:
         poses = tracker.measure(images, expected_at(poses)).world_T_segment
     assert joints_off(poses, swing[-1])[elbow] < 0.07
+
+
+def test_an_arm_that_slid_up_its_sleeve_is_found(sample, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Contours alone leave the elbow 22 cm off; pixels beyond it have the shirt's colours."""
+    monkeypatch.setitem(CLOTHES, "upper_arm", CLOTHES["torso"])
+    body = with_hands(read_body(sample / "body.yaml"))
+    cameras = static_cameras_around(3)
+    person = DressedBody(body, capsule_surfaces(body), {name: cameras[name] for name in ("ext_00", "ext_02")})
+    angles = JointAngles(body)
+    turns = np.zeros(len(angles.names))
+    for name, turn_rad in BENT.items():
+        turns[angles.names.index(name)] = turn_rad
+    truth = body.forward_kinematics(rigid(np.eye(3), MIDDLE), angles.rotations(turns))
+    arm = next(each for each in arms_of(body) if body.segments[each[0]] == "upper_arm_right")
+    pictures = [person.images(truth, 1.0, frame) for frame in range(6)]
+    off, found = [], set[int]()
+    for is_tried in (False, True):
+        surface = BodySurface.of(body, person.surfaces)
+        tracker = RegionTracker(body, surface, person.stations, SETTINGS, searches_again=is_tried)
+        tracker.initialise(pictures[0], truth)
+        poses = slide(truth, arm, -0.2)
+        for images in pictures[1:]:
+            measured = tracker.measure(images, expected_at(poses))
+            poses, found = measured.world_T_segment, found | measured.found
+        off.append(joints_off(poses, truth)[arm[1]])
+    assert off[0] > 0.15
+    assert off[1] < 0.02
+    assert set(arm[1:].tolist()) <= found, "states before had them elsewhere"
 
 
 def test_what_a_station_says_is_as_far_off_as_it_says(dressed: DressedBody, motion: Array, images: Images) -> None:

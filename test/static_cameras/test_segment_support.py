@@ -60,6 +60,27 @@ def test_unseen_foot_that_is_unlike_the_other_is_not_confirmed_by_colours_of_its
     assert np.flatnonzero(judged.unlike).tolist() == [row], "it was lost since"
 
 
+def test_unseen_shin_is_confirmed_with_the_foot_that_it_points_to() -> None:
+    judged, shin, foot = SegmentSupport(BODY), BODY.segment_index["shin_right"], BODY.segment_index["foot_right"]
+    hidden, unsure = ALIKE.copy(), ALIKE.copy()
+    hidden[[shin, foot]], unsure[foot] = np.nan, 0.4
+    judged.update(hidden, ALIKE)
+    judged.update(unsure, unsure)
+    assert set(np.flatnonzero(judged.unseen)) == {shin, foot}
+    for _ in range(20):
+        judged.update(ALIKE, ALIKE)
+    assert not judged.unseen.any()
+
+
+def test_unseen_shin_is_confirmed_alone_while_its_foot_is_hidden() -> None:
+    judged, shin, foot = SegmentSupport(BODY), BODY.segment_index["shin_right"], BODY.segment_index["foot_right"]
+    hidden, shown = ALIKE.copy(), ALIKE.copy()
+    hidden[[shin, foot]], shown[foot] = np.nan, np.nan
+    judged.update(hidden, ALIKE)
+    judged.update(shown, ALIKE)
+    assert np.flatnonzero(judged.unseen).tolist() == [foot]
+
+
 def test_unseen_foot_is_confirmed_by_fewer_colours_where_one_side_is_in_the_shade() -> None:
     judged, row, shade = SegmentSupport(BODY), BODY.segment_index["foot_right"], np.full(len(BODY.segments), 0.4)
     judged.update(_with(np.nan, "foot_right"), shade)
