@@ -22,7 +22,7 @@ _FOUND_M = 0.05
 """From the elbow to where it is found again, from which on it had slid [m]."""
 
 _LEAST_GAIN = 0.03
-"""Share of the arm's pixels that images must explain more. Of 226 right limbs 2 had as much, of 4 and 139 pixels."""
+"""Share of the arm's pixels that images must explain more. 2 of 226 right limbs had as much, with 4 and 139 pixels."""
 
 _LEAST_PIXELS = 200.0
 """Pixels of an arm in all images, at half their resolution, of which fewer decide nothing."""
