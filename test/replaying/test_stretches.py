@@ -243,7 +243,7 @@ def test_a_first_pass_is_read_as_it_was_written(sample: Path, tmp_path: Path) ->
 
 
 def test_a_first_pass_is_of_one_recording(sample: Path, tmp_path: Path) -> None:
-    first = FirstPass(("bag", 5), (0, 10), 1, 0, None, {}, {})
+    first = FirstPass(("bag", 5), (0, 10), 1, 0, None, {}, {}, {})
     first.check_recording(tmp_path / "bag", 5)
     for path, stamp_ns in ((tmp_path / "other", 5), (tmp_path / "bag", 6)):
         with naming(RecordingError, path, "bag", stamp_ns):
