@@ -7,7 +7,6 @@ tests only; the product never reads it.
 """
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +45,7 @@ def _joint(name: str, joint: dict[str, Any]) -> Joint:
     parent_T_joint = np.eye(4)
     parent_T_joint[:3, 3] = joint["offset_in_parent"]
     lying = joint["child"] in LYING_SEGMENTS
-    options = {"angle_axes": LONG_AXIS_X} if lying else {}
+    options: dict[str, Any] = {"angle_axes": LONG_AXIS_X} if lying else {}
     return Joint(name, joint["parent"], joint["child"], "ball", parent_T_joint, **options)
 
 
@@ -71,4 +70,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -60,7 +60,7 @@ def decoded(photographs: MapPhotographs) -> list[NDArray[np.uint8]]:
 
 
 def _encoded(picture: NDArray[np.uint8]) -> bytes:
-    return cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1].tobytes()
+    return bytes(cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1])
 
 
 def main() -> None:

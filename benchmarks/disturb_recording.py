@@ -9,6 +9,7 @@ import argparse
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -56,7 +57,7 @@ def disturb_bag(source: Path, target: Path, blur: float, darkest: float) -> None
         share, gain = 0.5 * blur * (1 - np.cos(turn)), darkest + (1 - darkest) * 0.5 * (1 + np.cos(0.7 * turn))
         balance = gain * (1 + 0.1 * np.sin(1.3 * turn + np.array([0.0, 2.0, 4.0])))
         light = balance * blurred(*triple, share) + rng.normal(0.0, _READ_NOISE, triple[0].shape)
-        return np.clip(light, 0, 255).astype(np.uint8)
+        return np.asarray(np.clip(light, 0, 255), np.uint8)
 
     _rewrite(source, target, disturbed)
 
@@ -94,9 +95,10 @@ def _rewrite(source: Path, target: Path, change: Callable[[int, int, Triple], ND
                 writer.write(written[connection.id], stamp, typestore.serialize_cdr(message, connection.msgtype))
 
 
-def _triples(reader: AnyReader, connection: Connection) -> Iterator[tuple[int, object, Triple]]:
+def _triples(reader: AnyReader, connection: Connection) -> Iterator[tuple[int, Any, Triple]]:
     """Stamp, message and image of a camera."""
-    messages = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in reader.messages([connection])]
+    read = reader.messages([connection])
+    messages: list[tuple[int, Any]] = [(stamp, reader.deserialize(data, c.msgtype)) for c, stamp, data in read]
     pixels = [cv2.imdecode(np.asarray(m.data), cv2.IMREAD_COLOR) for _, m in messages]
     last = len(messages) - 1
     for index, (stamp, message) in enumerate(messages):

@@ -92,7 +92,8 @@ def compare(euroc: Path, scratch: Path) -> Comparison:
     def errors(poses: Poses) -> NDArray[np.float64]:
         known = [name for name in poses if name in truth]
         places = np.array([poses[name][:3, 3] for name in known]).reshape(-1, 3)
-        return np.linalg.norm(scale * places @ R.T + t - [truth[name][:3, 3] for name in known], axis=1)
+        off = scale * places @ R.T + t - np.array([truth[name][:3, 3] for name in known]).reshape(-1, 3)
+        return np.asarray(np.linalg.norm(off, axis=1))
 
     return Comparison(len(asked), ours, theirs, errors(photographed), errors(ours.poses), errors(theirs.poses))
 

@@ -75,7 +75,7 @@ class Session:
 
     def rig_with(self, exchanged: tuple[str, ...]) -> Path:
         """A rig file in which left and right of some segments are exchanged."""
-        other = {}
+        other: dict[str, str] = {}
         for kind in exchanged:
             other |= {f"{kind}_left": f"{kind}_right", f"{kind}_right": f"{kind}_left"}
         cameras = {camera: other.get(segment, segment) for camera, segment in self.rig["cameras"].items()}

@@ -3,6 +3,7 @@
 What an angle does is seen on a standing body that it turns by a little, so the words cannot differ from the solver.
 """
 
+from collections.abc import Sequence
 from os.path import commonprefix
 from pathlib import Path
 
@@ -123,7 +124,7 @@ def joint_table(repository: Path) -> str:
     return "\n".join(rows)
 
 
-def _row(joint: Joint, angle: str, axis: str, both: list[tuple[str, ...]]) -> str:
+def _row(joint: Joint, angle: str, axis: str, both: Sequence[tuple[str, ...]]) -> str:
     parent, child = (SegmentName(segment).kind for segment in (joint.parent, joint.child))
     turn = ("first", "second", "third")[joint.angle_axes.index(axis)]
     columns = (_left_and_right(column) for column in zip(*both, strict=True))

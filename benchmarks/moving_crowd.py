@@ -142,7 +142,7 @@ def clothes(people: int, rng: np.random.Generator, pictures: Path | None) -> NDA
     return np.asarray(worn, np.uint8)
 
 
-@njit
+@njit()
 def _look(
     rays: Array,
     origin: Array,
@@ -238,7 +238,7 @@ class Sight:
         # As sharp as a lens makes an edge.
         cover = cv2.GaussianBlur(seen, (3, 3), 0)[..., None] / 255.0
         pasted = (1.0 - cover) * np.atleast_3d(image) + cover * np.where(seen > 0, shade, 128)[..., None]
-        return np.rint(pasted).astype(np.uint8).reshape(image.shape)
+        return np.asarray(np.rint(pasted).reshape(image.shape), np.uint8)
 
 
 def make_crowd(

@@ -54,8 +54,8 @@ def picture_cost(images: Sequence[CameraImage], camera: CameraModel, reference_m
             _, matches, _ = front.process(grey, stamp_ns)
             front_s.append(time.thread_time() - started_s)
             registered.append(matches.world_T_camera is not None)
-    means = (1e3 * float(np.mean(each[_WARM:])) for each in (decode_s, front_s))
-    return PictureCost(*means, float(np.mean(registered)))
+    decode_ms, front_ms = (1e3 * float(np.mean(each[_WARM:])) for each in (decode_s, front_s))
+    return PictureCost(decode_ms, front_ms, float(np.mean(registered)))
 
 
 def as_h264(pictures: Sequence[NDArray[np.uint8]], size: tuple[int, int], camera: str) -> list[CameraImage]:

@@ -97,7 +97,7 @@ def write_worn_footage(source: Path, target: Path, seed: int = 0) -> Path:
                 camera = topic.removesuffix(IMAGES).strip("/")
                 image = np.asarray(cv2.imdecode(np.asarray(message.data), cv2.IMREAD_UNCHANGED), np.uint8)
                 if topic not in footage:
-                    footage[topic] = WornFootage(camera, *image.shape[:2], seed)
+                    footage[topic] = WornFootage(camera, image.shape[0], image.shape[1], seed)
                 numbers[topic] = numbers.get(topic, -1) + 1
                 image = footage[topic].disturbed(image, 1e-9 * (recorded_ns - bag.start_ns), numbers[topic])
                 message.data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].ravel()

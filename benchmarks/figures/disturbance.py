@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -72,15 +73,15 @@ def write_disturbed(
                 if what == GONE:
                     continue
                 if what == GREY:
-                    message = reader.deserialize(data, connection.msgtype)
-                    message.data = grey
-                    data = typestore.serialize_cdr(message, connection.msgtype)
+                    image: Any = reader.deserialize(data, connection.msgtype)
+                    image.data = grey
+                    data = bytes(typestore.serialize_cdr(image, connection.msgtype))
                 topic = f"/{renamed.get(camera, camera)}/{kind}"
             elif kind == "camera_info" and camera in focal:
-                message = reader.deserialize(data, connection.msgtype)
-                message.k = message.k * _focal_factors(focal[camera], 9)
-                message.p = message.p * _focal_factors(focal[camera], 12)
-                data = typestore.serialize_cdr(message, connection.msgtype)
+                info: Any = reader.deserialize(data, connection.msgtype)
+                info.k = info.k * _focal_factors(focal[camera], 9)
+                info.p = info.p * _focal_factors(focal[camera], 12)
+                data = bytes(typestore.serialize_cdr(info, connection.msgtype))
             writer.write(written[topic], stamp, data)
     return target
 

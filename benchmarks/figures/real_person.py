@@ -1,7 +1,8 @@
 """A real person before four static cameras (Pose2Sim's demo), against the joints of its authors' own pipeline."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -119,14 +120,14 @@ def write_bag(demo: Path, bag: Path) -> Path:
     return bag
 
 
-def _header(types: object, stamp_ns: int, frame: str) -> object:
-    Header = types.types["std_msgs/msg/Header"]  # type: ignore[attr-defined]
-    Time = types.types["builtin_interfaces/msg/Time"]  # type: ignore[attr-defined]
+def _header(types: Any, stamp_ns: int, frame: str) -> Any:
+    Header = types.types["std_msgs/msg/Header"]
+    Time = types.types["builtin_interfaces/msg/Time"]
     return Header(stamp=Time(sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9), frame_id=frame)
 
 
-def _camera_info(types: object, Info: type, header: object, lens: dict) -> object:
-    roi = types.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)  # type: ignore[attr-defined]
+def _camera_info(types: Any, Info: type, header: Any, lens: Mapping[str, Any]) -> object:
+    roi = types.types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, False)
     K = np.array(lens["camera_matrix"]["data"], float)
     P = np.hstack([K.reshape(3, 3), np.zeros((3, 1))]).ravel()
     return Info(

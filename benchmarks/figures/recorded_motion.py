@@ -68,7 +68,7 @@ def _bone_errors(body: Path, skeleton: Path) -> list[float]:
     off_mm = []
     for name, parent in above.items():
         if parent != root:
-            off_mm.append(1e3 * abs(np.linalg.norm(ours[name]) - np.linalg.norm(theirs[name])))
+            off_mm.append(1e3 * abs(float(np.linalg.norm(ours[name]) - np.linalg.norm(theirs[name]))))
     left, right = "hip_left", "hip_right"
-    apart = [np.linalg.norm(np.subtract(offsets[left], offsets[right])) for offsets in (ours, theirs)]
+    apart = [float(np.linalg.norm(np.subtract(offsets[left], offsets[right]))) for offsets in (ours, theirs)]
     return [*off_mm, 1e3 * abs(apart[0] - apart[1])]

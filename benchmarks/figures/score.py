@@ -8,6 +8,7 @@ import io
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import yaml
@@ -88,7 +89,7 @@ class Result:
             counts = {connection.topic: connection.msgcount for connection in reader.connections}
             wanted = [c for c in reader.connections if c.topic in ("/robot_description", "/joint_states", "/odometry")]
             for connection, _, raw in reader.messages(wanted):
-                message = reader.deserialize(raw, connection.msgtype)
+                message: Any = reader.deserialize(raw, connection.msgtype)
                 if connection.topic == "/robot_description":
                     urdf = message.data
                     continue
@@ -183,7 +184,8 @@ class Score:
     def within(self, start_s: float, end_s: float) -> NDArray[np.bool_]:
         """(T,) states from start to end, counted from the truth's first frame [s]."""
         since = self.seconds - self.truth.seconds[0]
-        return (since >= start_s) & (since < end_s)
+        within: NDArray[np.bool_] = (since >= start_s) & (since < end_s)
+        return within
 
     def link(self, name: str) -> Array:
         """(T, 4, 4) poses of a link in the truth's frame."""

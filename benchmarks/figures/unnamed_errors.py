@@ -128,7 +128,7 @@ def _turned_deg(scored: Score, segment: str) -> NDArray[np.float64]:
     axis = 0 if segment.startswith("foot") else 2
     ours = scored.link(segment)[:, :3, axis]
     theirs = scored.truth.at(scored.seconds, segment)[1].as_matrix()[:, :, axis]
-    return np.degrees(np.arccos(np.clip(np.sum(ours * theirs, axis=1), -1.0, 1.0)))
+    return np.asarray(np.degrees(np.arccos(np.clip(np.sum(ours * theirs, axis=1), -1.0, 1.0))))
 
 
 def _named(output: str, segment: str, seconds: NDArray[np.float64]) -> Mask:
