@@ -335,7 +335,7 @@ class RegionTracker:
             view = self.views[name]
             contour = view.propagate_contour(fit.contours[name], fit.poses)
             view.update_colours(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.has_colours))
-        unsupported = self._support.false | self._support.unseen | self._support.unlike | agreed.far_from(fit.poses)
+        unsupported = self._support.unsupported | agreed.far_from(fit.poses)
         return StaticMeasurement(
             {name: self._evidence(fit.before, regions, seen[name]) for name, regions in fit.measured.items()},
             fit.poses,

@@ -103,5 +103,21 @@ def test_segment_that_is_hidden_later_is_not_unseen() -> None:
     assert not judged.unseen.any()
 
 
+@pytest.mark.parametrize(("support", "named"), [(0.65, True), (0.75, False)])
+def test_limb_of_weak_support_goes_with_the_next_one_that_is_elsewhere(support: float, named: bool) -> None:
+    judged, upper_arm = SegmentSupport(BODY), BODY.segment_index["upper_arm_right"]
+    seen = _with(support, "upper_arm_right")
+    seen[BODY.named(["forearm_right", "hand_right"])] = 0.3
+    judged.update(seen, ALIKE)
+    assert judged.false.sum() == 2 and judged.unsupported[upper_arm] == named
+    assert not judged.unsupported[BODY.segment_index["torso"]]
+
+
+def test_limb_of_weak_support_alone_is_not_elsewhere() -> None:
+    judged = SegmentSupport(BODY)
+    judged.update(_with(0.65, "upper_arm_right"), ALIKE)
+    assert not judged.unsupported.any()
+
+
 def test_upper_arm_that_is_lost_takes_its_arm_along() -> None:
     assert _lost(upper_arm_left=0.3) == {"upper_arm_left", "forearm_left", "hand_left"}
