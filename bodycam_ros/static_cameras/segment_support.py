@@ -176,6 +176,11 @@ class SegmentSupport:
             unsupported[parent] |= unsupported[child] & is_weak[parent] & ~self._beside[child]
         return unsupported
 
+    @property
+    def not_yet_shown(self) -> Mask:
+        """(S,) segments that are unseen, and that no image contradicts."""
+        return self.unseen & ~self.false & ~self.unlike
+
     def with_descendants(self, segments: Mask, within: Mask) -> Mask:
         """The segments (S,) ``within`` (S,) some, and those that hang on them."""
         chosen = segments & within
