@@ -40,9 +40,8 @@ Pose2Sim's man, which are right, have a support of 0.15."""
 _CONFIRMED_ALIKE = 0.75
 """The share of a segment that the first images did not show, from which on it is confirmed."""
 
-_WEAK = 0.7
-"""Support below which a limb is elsewhere where what hangs on it is: of states of such limbs that were over 15 cm or 60
-deg off (44 pieces of ``dev_outside_board`` by five cameras) all had less, of right ones 9 %."""
+_WEAK = 0.75
+"""Support below which a limb is elsewhere where what hangs on it is."""
 
 _MIN_LINES, _MIN_PIXELS = 4, 60  # of fewer lines, or pixels at half the resolution, no share can be computed
 _PAUSE = 30  # frames between two searches; twice as many after each failure
@@ -121,6 +120,7 @@ class SegmentSupport:
         self._has_opposite = self._opposite != np.arange(len(body.segments))
         self._least_alike = np.array([_LEAST_ALIKE.get(kind, -np.inf) for kind in kinds])
         self._alike = self._smoothed.copy()
+        self._most_alike = np.nan
 
     def update(self, support: Array, alike: Array) -> None:
         """Add the support in a frame (S,), and that by the colours of the opposite limbs (S,)."""
@@ -129,6 +129,9 @@ class SegmentSupport:
             self._hidden_first = self.unseen
         self._smoothed = _smoothed(self._smoothed, support, _RATE)
         self._alike = _smoothed(self._alike, alike, _MIRRORED_RATE)
+        shown = self._has_opposite & ~self._hidden_first & ~self._hidden_first[self._opposite]
+        if len(known := self._alike[shown & np.isfinite(self._alike)]):
+            self._most_alike = np.fmax(self._most_alike, np.median(known))
         confirmed = self._smoothed >= CONFIRMED
         has_like = self._has_opposite & ~self.unseen[self._opposite]
         self.unconfirmed = self.unconfirmed & ~confirmed
@@ -148,10 +151,11 @@ class SegmentSupport:
 
     @property
     def _usual(self) -> float:
-        """How alike the limbs are that the first images show on both sides: one side may be in the shade."""
-        shown = self._has_opposite & ~self._hidden_first & ~self._hidden_first[self._opposite]
-        alike = self._alike[shown & np.isfinite(self._alike)]
-        return min(_ALIKE, float(np.median(alike))) if len(alike) else _ALIKE
+        """How alike the limbs are that the first images show on both sides: one side may be in the shade.
+
+        The most so far, as limbs that are lost are less alike.
+        """
+        return _ALIKE if np.isnan(self._most_alike) else min(_ALIKE, float(self._most_alike))
 
     @property
     def unlike(self) -> Mask:
