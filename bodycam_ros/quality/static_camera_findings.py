@@ -122,10 +122,8 @@ class StaticCameraLog:
 
 def _runs(rows: set[int], seconds: NDArray[np.float64]) -> list[tuple[int, int]]:
     """First and last state of each run of rows that lasts long enough."""
-    ordered = np.array(sorted(rows), int)
-    runs = np.split(ordered, np.flatnonzero(np.diff(ordered) > 1) + 1) if len(ordered) else []
-    ends = [(int(run[0]), int(run[-1])) for run in runs]
-    return [(first, last) for first, last in ends if seconds[last] - seconds[first] >= _MIN_SPAN_S]
+    runs = _merged([(row, row) for row in rows])
+    return [(first, last) for first, last in runs if seconds[last] - seconds[first] >= _MIN_SPAN_S]
 
 
 def _merged(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:

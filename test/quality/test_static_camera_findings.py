@@ -58,6 +58,8 @@ def test_a_segment_that_no_image_has_shown_yet_makes_a_result_doubtful_and_for_h
 def test_a_segment_that_is_back_for_less_than_support_is_smoothed_over_is_named_throughout() -> None:
     (finding,) = log({"forearm_left": [*range(20, 40), *range(58, 70)]}).findings(ALL)
     assert numbers(finding.what) == [1.0, 6.9]
+    (finding,) = log({"forearm_left": [*range(20, 40), 48]}).findings(ALL)
+    assert numbers(finding.what) == [1.0, 4.8]
     (finding,) = log({"forearm_left": [*range(20, 40), *range(61, 70)]}).findings(ALL)
     assert numbers(finding.what) == [1.0, 3.9, 5.1, 6.9]
 
