@@ -11,7 +11,7 @@ from bodycam_ros.results.verdict import Finding, Level
 
 _MIN_SHARE = 0.5  # of the states, in which static cameras should observe a segment that carries no camera
 _MIN_SPAN_S = 0.25  # of an unsupported segment; shorter ones pass before they move anything
-_LATE = 10  # states after which a loss is noticed: support is smoothed over as many
+_LATE = 10  # states after which a loss, or its end, is noticed: support is smoothed over as many
 _WRONG_SPAN_S, _WRONG_SHARE = 1.0, 0.15  # of a segment that images contradict, from which on a result is wrong
 _WRONG_UNSUPPORTED_SHARE = 0.5  # the same of one that they contradict or have not shown yet
 _MISPLACED_SHARE = 0.25  # of the states
@@ -86,20 +86,21 @@ class StaticCameraLog:
                 yield Finding(camera, Level.WRONG, what, why, remedy, check="misplaced")
         for segment in wanted:
             unsupported = self._unsupported.get(segment, set())
-            runs = _runs(unsupported, seconds)
+            runs = _runs(unsupported, seconds, _LATE)
             lost = [(max(first - _LATE, 0), last) for first, last in runs]
-            spans = [
-                (seconds[first], seconds[last]) for first, last in _merged(lost + self._before_found.get(segment, []))
-            ]
+            named = _merged(lost + self._before_found.get(segment, []), _LATE)
+            spans = [(seconds[first], seconds[last]) for first, last in named]
             if not spans:
                 continue
-            contradicted = _runs(unsupported - self._not_yet_shown.get(segment, set()), seconds)
-            lengths_s = [float(seconds[last] - seconds[first]) for first, last in contradicted]
-            unsupported_s = sum(float(seconds[last] - seconds[first]) for first, last in runs)
+            contradicted = unsupported - self._not_yet_shown.get(segment, set())
+            lengths_s, unsupported_s = (
+                [float(seconds[last] - seconds[first]) for first, last in _runs(rows, seconds)]
+                for rows in (contradicted, unsupported)
+            )
             is_wrong = (
                 max(lengths_s, default=0.0) > _WRONG_SPAN_S
                 or sum(lengths_s) > _WRONG_SHARE * float(seconds[-1])
-                or unsupported_s > _WRONG_UNSUPPORTED_SHARE * float(seconds[-1])
+                or sum(unsupported_s) > _WRONG_UNSUPPORTED_SHARE * float(seconds[-1])
             )
             when = ", ".join(f"{start_s:.1f} to {end_s:.1f} s" for start_s, end_s in spans[:_MAX_SPANS])
             when += f" and {len(spans) - _MAX_SPANS} more" if len(spans) > _MAX_SPANS else ""
@@ -120,17 +121,17 @@ class StaticCameraLog:
                 yield Finding(segment, Level.DOUBTFUL, what, why, remedy, part="segment", check="unobserved")
 
 
-def _runs(rows: set[int], seconds: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """First and last state of each run of rows that lasts long enough."""
-    runs = _merged([(row, row) for row in rows])
+def _runs(rows: set[int], seconds: NDArray[np.float64], apart: int = 1) -> list[tuple[int, int]]:
+    """First and last state of each run of rows that lasts long enough; rows of one run are ``apart`` states at most."""
+    runs = _merged([(row, row) for row in rows], apart)
     return [(first, last) for first, last in runs if seconds[last] - seconds[first] >= _MIN_SPAN_S]
 
 
-def _merged(spans: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Spans in order; those that are hardly apart are one, as a segment that is back is noticed as late as a loss."""
+def _merged(spans: list[tuple[int, int]], apart: int) -> list[tuple[int, int]]:
+    """Spans in order; those that are a few states ``apart`` or less are one."""
     merged: list[tuple[int, int]] = []
     for first, last in sorted(spans):
-        if merged and first <= merged[-1][1] + _LATE:
+        if merged and first <= merged[-1][1] + apart:
             merged[-1] = merged[-1][0], max(last, merged[-1][1])
         else:
             merged.append((first, last))

@@ -11,7 +11,7 @@ ALL = ("pelvis", "forearm_left")
 
 
 def log(
-    unsupported: dict[str, Collection[int]], misplaced: int = 0, not_yet_shown: range = range(0)
+    unsupported: dict[str, Collection[int]], misplaced: int = 0, not_yet_shown: Collection[int] = ()
 ) -> StaticCameraLog:
     """Ten seconds at 10 Hz; states in which no image has shown the unsupported segments yet."""
     recorded = StaticCameraLog()
@@ -53,6 +53,9 @@ def test_a_segment_that_no_image_has_shown_yet_makes_a_result_doubtful_and_for_h
         assert (finding.level, numbers(finding.what)) == (level, [0.0, (states - 1) / 10])
     (finding,) = log({"forearm_left": range(40)}, not_yet_shown=range(20)).findings(ALL)
     assert finding.level == Level.WRONG, "images contradict it for two seconds"
+    now_and_then = [number for number in range(40) if number % 5]
+    (finding,) = log({"forearm_left": range(40)}, not_yet_shown=now_and_then).findings(ALL)
+    assert finding.level == Level.DOUBTFUL, "images that contradict it are too few in a row"
 
 
 def test_a_segment_that_is_back_for_less_than_support_is_smoothed_over_is_named_throughout() -> None:
