@@ -25,7 +25,7 @@ class StaticCameraLog:
         self._stamps_ns: list[int] = []
         self._unsupported: dict[str, set[int]] = {}
         self._not_yet_shown: dict[str, set[int]] = {}
-        self._before_found: dict[str, list[tuple[int, int]]] = {}  # first and last state
+        self._found: dict[str, list[int]] = {}  # states
         self._observed: Counter[str] = Counter()
         self._misplaced: Counter[str] = Counter()
 
@@ -45,12 +45,12 @@ class StaticCameraLog:
             observed: segments.
             unsupported: segments that the images do not show where the body has them.
             misplaced: cameras whose images do not show the body where the others have it.
-            found: segments that were elsewhere in the states before.
+            found: segments that were elsewhere in the states before, or are in those that follow.
             not_yet_shown: unsupported segments that no image has shown yet, and none contradicts.
         """
         number = len(self._stamps_ns)
         for segment in found if number else ():
-            self._before_found.setdefault(segment, []).append((max(number - _LATE, 0), number - 1))
+            self._found.setdefault(segment, []).append(number)
         for segment in unsupported:
             self._unsupported.setdefault(segment, set()).add(number)
         for segment in not_yet_shown:
@@ -88,7 +88,11 @@ class StaticCameraLog:
             unsupported = self._unsupported.get(segment, set())
             runs = _runs(unsupported, seconds, _LATE)
             lost = [(max(first - _LATE, 0), last) for first, last in runs]
-            named = _merged(lost + self._before_found.get(segment, []), _LATE)
+            found = [
+                (max(number - _LATE, 0), min(number + _LATE, len(seconds)) - 1)
+                for number in self._found.get(segment, [])
+            ]
+            named = _merged(lost + found, _LATE)
             spans = [(seconds[first], seconds[last]) for first, last in named]
             if not spans:
                 continue

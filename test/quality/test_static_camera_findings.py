@@ -73,12 +73,13 @@ def test_a_misplaced_camera_makes_a_result_wrong() -> None:
     assert not list(log({}, misplaced=10).findings(ALL))
 
 
-def test_a_segment_that_is_found_far_away_is_named_before() -> None:
+def test_a_segment_that_is_found_far_away_is_named_before_and_after() -> None:
     recorded = log({"forearm_left": range(35, 40)})
-    for number in (100, 101):
+    for number in range(100, 120):
         recorded.add(number * 10**8, ALL, [], [], found=["pelvis"] if number == 101 else [])
     pelvis, forearm = recorded.findings(ALL)
-    assert (pelvis.subject, pelvis.level, numbers(pelvis.what)) == ("pelvis", Level.DOUBTFUL, [9.1, 10.0])
+    assert (pelvis.subject, pelvis.level, numbers(pelvis.what)) == ("pelvis", Level.DOUBTFUL, [9.1, 11.0])
     assert numbers(forearm.what) == [2.5, 3.9]
-    recorded.add(102 * 10**8, ALL, [], [], found=["pelvis"])
-    assert numbers(next(recorded.findings(ALL)).what) == [9.1, 10.1], "spans that overlap are one"
+    for number in (120, 121):
+        recorded.add(number * 10**8, ALL, [], [], found=["pelvis"])
+    assert numbers(next(recorded.findings(ALL)).what) == [9.1, 12.1], "spans that overlap are one"
