@@ -37,6 +37,7 @@ class StaticMeasurement:
             translation [m^2]; empty for none.
         keypoints: of joints in the images.
         found: rows of those that jumped far, so that states before have them elsewhere.
+        not_yet_shown: rows of unsupported ones that no image has shown yet, and none contradicts.
     """
 
     evidence: Mapping[str, list[SegmentPose]]
@@ -48,6 +49,7 @@ class StaticMeasurement:
     surface_variances: Array = field(default_factory=lambda: np.zeros(0))
     keypoints: JointKeypoints = field(default_factory=JointKeypoints.nothing)
     found: frozenset[int] = frozenset()
+    not_yet_shown: frozenset[int] = frozenset()
 
     @property
     def observed(self) -> set[str]:

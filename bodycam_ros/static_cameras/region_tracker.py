@@ -335,17 +335,19 @@ class RegionTracker:
             view = self.views[name]
             contour = view.propagate_contour(fit.contours[name], fit.poses)
             view.update_colours(image, contour, self._settings.learning_rate, seen[name] | (by_any & ~view.has_colours))
-        unsupported = self._support.false | self._support.unseen | self._support.unlike | agreed.far_from(fit.poses)
+        far = agreed.far_from(fit.poses)
+        unsupported = (self._support.unsupported | far) & ~on_body
         return StaticMeasurement(
             {name: self._evidence(fit.before, regions, seen[name]) for name, regions in fit.measured.items()},
             fit.poses,
             {name: regions.confidence for name, regions in fit.measured.items()},
             frozenset(np.flatnonzero(jumped).tolist()),
-            frozenset(np.flatnonzero(unsupported & ~on_body).tolist()),
+            frozenset(np.flatnonzero(unsupported).tolist()),
             misplaced,
             surface_variances(self.body),
             agreed.keypoints,
             frozenset(np.flatnonzero(jumped & ~on_body & is_far(fit.poses, expected)).tolist()),
+            frozenset(np.flatnonzero(unsupported & self._support.not_yet_shown & ~far).tolist()),
         )
 
     def _fit(

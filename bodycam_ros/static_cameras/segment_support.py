@@ -40,6 +40,9 @@ Pose2Sim's man, which are right, have a support of 0.15."""
 _CONFIRMED_ALIKE = 0.75
 """The share of a segment that the first images did not show, from which on it is confirmed."""
 
+_WEAK = 0.75
+"""Support below which a limb is elsewhere where what hangs on it is."""
+
 _MIN_LINES, _MIN_PIXELS = 4, 60  # of fewer lines, or pixels at half the resolution, no share can be computed
 _PAUSE = 30  # frames between two searches; twice as many after each failure
 
@@ -117,6 +120,7 @@ class SegmentSupport:
         self._has_opposite = self._opposite != np.arange(len(body.segments))
         self._least_alike = np.array([_LEAST_ALIKE.get(kind, -np.inf) for kind in kinds])
         self._alike = self._smoothed.copy()
+        self._most_alike = np.nan
 
     def update(self, support: Array, alike: Array) -> None:
         """Add the support in a frame (S,), and that by the colours of the opposite limbs (S,)."""
@@ -125,6 +129,9 @@ class SegmentSupport:
             self._hidden_first = self.unseen
         self._smoothed = _smoothed(self._smoothed, support, _RATE)
         self._alike = _smoothed(self._alike, alike, _MIRRORED_RATE)
+        shown = self._has_opposite & ~self._hidden_first & ~self._hidden_first[self._opposite]
+        if len(known := self._alike[shown & np.isfinite(self._alike)]):
+            self._most_alike = np.fmax(self._most_alike, np.median(known))
         confirmed = self._smoothed >= CONFIRMED
         has_like = self._has_opposite & ~self.unseen[self._opposite]
         self.unconfirmed = self.unconfirmed & ~confirmed
@@ -144,10 +151,11 @@ class SegmentSupport:
 
     @property
     def _usual(self) -> float:
-        """How alike the limbs are that the first images show on both sides: one side may be in the shade."""
-        shown = self._has_opposite & ~self._hidden_first & ~self._hidden_first[self._opposite]
-        alike = self._alike[shown & np.isfinite(self._alike)]
-        return min(_ALIKE, float(np.median(alike))) if len(alike) else _ALIKE
+        """How alike the limbs are that the first images show on both sides: one side may be in the shade.
+
+        The most so far, as limbs that are lost are less alike.
+        """
+        return _ALIKE if np.isnan(self._most_alike) else min(_ALIKE, float(self._most_alike))
 
     @property
     def unlike(self) -> Mask:
@@ -159,6 +167,23 @@ class SegmentSupport:
         other_is_right = (own[self._opposite] >= own) & ~self.false[self._opposite] & ~self.unseen[self._opposite]
         is_unlike = (self._alike < self._least_alike * self._usual) & other_is_right & self._hidden_first
         return self.with_descendants(is_unlike, ~self._beside)
+
+    @property
+    def unsupported(self) -> Mask:
+        """(S,) segments that are false, unseen or unlike, and limbs of weak support that these hang on.
+
+        A limb points to where the next one is: of one that is elsewhere, its parent is often, too.
+        """
+        unsupported = self.false | self.unseen | self.unlike
+        is_weak = self._has_opposite & (self._smoothed < _WEAK)
+        for parent, child in self._ends[::-1].tolist():
+            unsupported[parent] |= unsupported[child] & is_weak[parent] & ~self._beside[child]
+        return unsupported
+
+    @property
+    def not_yet_shown(self) -> Mask:
+        """(S,) segments that are unseen, and that no image contradicts."""
+        return self.unseen & ~self.false & ~self.unlike
 
     def with_descendants(self, segments: Mask, within: Mask) -> Mask:
         """The segments (S,) ``within`` (S,) some, and those that hang on them."""

@@ -89,6 +89,14 @@ def test_unseen_foot_is_confirmed_by_fewer_colours_where_one_side_is_in_the_shad
     assert not judged.unseen[row] and not judged.unlike[row]
 
 
+def test_unseen_foot_is_not_confirmed_by_fewer_colours_because_others_are_lost() -> None:
+    judged, row = SegmentSupport(BODY), BODY.segment_index["foot_right"]
+    judged.update(_with(np.nan, "foot_right"), _with(np.nan, "foot_right"))
+    for _ in range(30):
+        judged.update(_with(0.7, "foot_right"), np.full(len(BODY.segments), 0.4))
+    assert judged.unseen[row]
+
+
 def test_feet_in_different_light_that_the_first_images_show_are_not_unlike() -> None:
     judged = SegmentSupport(BODY)
     for _ in range(30):
@@ -101,6 +109,22 @@ def test_segment_that_is_hidden_later_is_not_unseen() -> None:
     judged.update(ALIKE, ALIKE)
     judged.update(np.full(len(BODY.segments), np.nan), ALIKE)
     assert not judged.unseen.any()
+
+
+@pytest.mark.parametrize(("support", "named"), [(0.7, True), (0.8, False)])
+def test_limb_of_weak_support_goes_with_the_next_one_that_is_elsewhere(support: float, named: bool) -> None:
+    judged, upper_arm = SegmentSupport(BODY), BODY.segment_index["upper_arm_right"]
+    seen = _with(support, "upper_arm_right")
+    seen[BODY.named(["forearm_right", "hand_right"])] = 0.3
+    judged.update(seen, ALIKE)
+    assert judged.false.sum() == 2 and judged.unsupported[upper_arm] == named
+    assert not judged.unsupported[BODY.segment_index["torso"]]
+
+
+def test_limb_of_weak_support_alone_is_not_elsewhere() -> None:
+    judged = SegmentSupport(BODY)
+    judged.update(_with(0.65, "upper_arm_right"), ALIKE)
+    assert not judged.unsupported.any()
 
 
 def test_upper_arm_that_is_lost_takes_its_arm_along() -> None:
