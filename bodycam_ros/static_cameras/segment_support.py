@@ -172,7 +172,7 @@ class SegmentSupport:
     def unsupported(self) -> Mask:
         """(S,) segments that are false, unseen or unlike, and limbs of weak support that these hang on.
 
-        A limb points to where the next one is: of one that is elsewhere, its parent is often, too.
+        A limb points to where the next one is: where that is elsewhere, the limb often is, too.
         """
         unsupported = self.false | self.unseen | self.unlike
         is_weak = self._has_opposite & (self._smoothed < _WEAK)
