@@ -119,6 +119,17 @@ def rotation_to_z(direction: Array) -> Array:
     return np.array([x, np.cross(direction, x), direction])
 
 
+def shortest_turn(start: Array, end: Array) -> Array:
+    """Shortest rotation (..., 3, 3) from directions (..., 3) to others; neither need be unit vectors."""
+    a = start / np.linalg.norm(start, axis=-1, keepdims=True)
+    b = end / np.linalg.norm(end, axis=-1, keepdims=True)
+    axis = np.cross(a, b)
+    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, np.sum(a * b, axis=-1, keepdims=True))
+    turn: Array = exp_so3(axis * (angle / np.maximum(sine, 1e-12)))
+    return turn
+
+
 def rotation_between(start: Array, end: Array, share: float | Array) -> Array:
     """Rotations (..., 3, 3) a share of the way from some to others, about one axis; shares (..., 1) or one."""
     between: Array = start @ exp_so3(share * log_so3(np.swapaxes(start, -1, -2) @ end))

@@ -16,7 +16,7 @@ from bodycam_ros.formats.character import Character, read_character, rotation_of
 from bodycam_ros.formats.figure import WORLD_R_REST
 from bodycam_ros.formats.gltf_container import GltfBuffer, continuous_quaternions, glb_content
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, SampledMotion
-from bodycam_ros.geometry import Array, exp_so3, quaternion_xyzw, rotation_between
+from bodycam_ros.geometry import Array, exp_so3, quaternion_xyzw, rotation_between, shortest_turn
 
 _SCENE_R_OURS = UP_AXES["y"]  # glTF's axes
 _STRETCHED = 0.9995  # share of a leg's length beyond which the hips come down to the ankle
@@ -69,7 +69,7 @@ def retargeted(motion: SampledMotion, character: Character) -> tuple[dict[int, A
     for side, outward in zip(_SIDES, (_ARM_OUT, -_ARM_OUT), strict=True):
         if f"upper_arm{side}" not in turns:  # arms that nobody measured hang
             arm = character.place(f"forearm{side}") - character.place(f"upper_arm{side}")
-            hanging = _swing(arm, np.array([0.0, outward, -1.0]))
+            hanging = shortest_turn(arm, np.array([0.0, outward, -1.0]))
             by_bone[character.bones[f"upper_arm{side}"]] = turns.get("torso", below) @ hanging
     for number, bone in enumerate(character.spine, start=1):
         if "torso" in turns:
@@ -103,10 +103,10 @@ def _turns_since_rest(motion: SampledMotion, character: Character) -> dict[str, 
             joint = body.joint_to_parent(below)
             assert joint is not None
             bone = rest_R_segment @ joint.parent_T_joint[:3, 3]
-            rest_R_segment = _swing(bone, character.place(below) - character.place(segment)) @ rest_R_segment
+            rest_R_segment = shortest_turn(bone, character.place(below) - character.place(segment)) @ rest_R_segment
         elif segment.startswith("forearm") and segment.replace("forearm", "hand") in character.bones:
             hand = character.place(segment.replace("forearm", "hand")) - character.place(segment)
-            rest_R_segment = _swing(rest_R_segment @ np.array([0.0, 0.0, -1.0]), hand) @ rest_R_segment
+            rest_R_segment = shortest_turn(rest_R_segment @ np.array([0.0, 0.0, -1.0]), hand) @ rest_R_segment
         own[segment] = rest_R_segment
         turns[segment] = motion.segment_poses(segment)[:, :3, :3] @ rest_R_segment.T
     return turns
@@ -181,20 +181,9 @@ def _bent_leg(
     along = (upper**2 - lower**2 + distance**2) / (2.0 * distance)
     knee = along * axis + np.sqrt(np.maximum(upper**2 - along**2, 0.0)) * pole
     return (
-        _swing(thigh, knee) @ turns[f"thigh{side}"],
-        _swing(shin, distance * axis - knee) @ turns[f"shin{side}"],
+        shortest_turn(thigh, knee) @ turns[f"thigh{side}"],
+        shortest_turn(shin, distance * axis - knee) @ turns[f"shin{side}"],
     )
-
-
-def _swing(start: Array, end: Array) -> Array:
-    """Shortest rotation (..., 3, 3) from directions (..., 3) to others."""
-    a = start / np.linalg.norm(start, axis=-1, keepdims=True)
-    b = end / np.linalg.norm(end, axis=-1, keepdims=True)
-    axis = np.cross(a, b)
-    sine = np.linalg.norm(axis, axis=-1, keepdims=True)
-    angle = np.arctan2(sine, np.sum(a * b, axis=-1, keepdims=True))
-    swing: Array = exp_so3(axis * (angle / np.maximum(sine, 1e-12)))
-    return swing
 
 
 def _written(motion: SampledMotion, character: Character, turned: dict[int, Array], root: Array) -> bytes:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import LEFT, RIGHT
-from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.geometry import Array, shortest_turn
 
 SLID_M = 0.12
 """How far towards the hand an elbow is tried; half of the way is enough for contours to find the rest."""
@@ -102,7 +102,7 @@ def slide(poses: Array, arm: Rows, along_m: float = SLID_M) -> Array:
     tried = elbow + along_m * _unit(wrist - elbow) - shoulder
     before = elbow - shoulder
     moved = poses.copy()
-    moved[upper_arm, :3, :3] = _turn(_unit(before), _unit(tried)) @ poses[upper_arm, :3, :3]
+    moved[upper_arm, :3, :3] = shortest_turn(before, tried) @ poses[upper_arm, :3, :3]
     moved[[forearm, hand], :3, 3] += np.linalg.norm(before) * _unit(tried) - before
     return moved
 
@@ -110,10 +110,3 @@ def slide(poses: Array, arm: Rows, along_m: float = SLID_M) -> Array:
 def _unit(vector: Array) -> Array:
     unit: Array = vector / max(float(np.linalg.norm(vector)), _NOTHING)
     return unit
-
-
-def _turn(start: Array, end: Array) -> Array:
-    """(3, 3) least rotation that takes one unit vector to another."""
-    axis = np.cross(start, end)
-    angle = np.arctan2(np.linalg.norm(axis), start @ end)
-    return exp_so3(angle * _unit(axis))
