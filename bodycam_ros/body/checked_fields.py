@@ -10,6 +10,7 @@ from bodycam_ros.errors import BodyError
 from bodycam_ros.files.shown import other_than, shown
 from bodycam_ros.geometry import Array, rigid, rotation_from_xyzw
 
+_FIELD = re.compile(r"unknown field (\S+)$")
 _QUATERNION_TOLERANCE = 1e-3  # a length that differs more from 1 is a slip of the pen, not rounding
 _LONGEST_MESSAGE = 200
 _DECIMALS = 9  # of written numbers: 1 nm, 1 nrad
@@ -44,9 +45,6 @@ def read_entry(kind: Any, value: Any, where: str) -> Any:
         problem += _remedy(kind, problem, place.lstrip("."))
         field = f"{where}: {place.lstrip('.')}" if place else where
         raise BodyError(f"{field}: {problem.replace('Object', 'table')}, in {shown(value)}") from error
-
-
-_FIELD = re.compile(r"unknown field (\S+)$")
 
 
 def _remedy(kind: Any, problem: str, place: str) -> str:

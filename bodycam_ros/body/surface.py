@@ -41,9 +41,7 @@ class Surface:
     @cached_property
     def scaled_normals(self) -> Array:
         """(F, 3) outward normals, in the segment's frame, twice as long as the faces are large [m^2]."""
-        corners = self.vertices[self.faces]
-        normals: Array = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return normals
+        return np.asarray(face_normals(self.vertices, self.faces), np.float64)
 
 
 def join_meshes(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
@@ -51,6 +49,13 @@ def join_meshes(meshes: list[tuple[Array, Faces]]) -> tuple[Array, Faces]:
     before = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
     faces = np.concatenate([faces + row for (_, faces), row in zip(meshes, before, strict=False)])
     return np.concatenate([vertices for vertices, _ in meshes]), faces.astype(np.int32)
+
+
+def face_normals(vertices: NDArray[np.floating], faces: Faces) -> NDArray[np.floating]:
+    """(F, 3) outward normals of a mesh (V, 3), (F, 3), twice as long as the faces are large."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    normals: NDArray[np.floating] = np.cross(b - a, c - a)
+    return normals
 
 
 def vertex_neighbours(count: int, faces: Faces) -> "csr_array":
@@ -66,8 +71,7 @@ def vertex_normals(vertices: NDArray[np.floating], faces: Faces) -> NDArray[np.f
 
     They have the precision of the vertices.
     """
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    across = np.cross(b - a, c - a)
+    across = face_normals(vertices, faces)
     sums = np.zeros_like(vertices)
     for axis in range(3):
         sums[:, axis] = sum(np.bincount(faces[:, corner], across[:, axis], len(vertices)) for corner in range(3))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bodycam_ros.cli.options import add_output, add_span, given_flags, given_span, number
+from bodycam_ros.cli.options import TRAVEL, add_output, add_span, given_flags, given_span
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.errors import SettingsError
 from bodycam_ros.files.output_place import check_output
@@ -51,7 +51,7 @@ _OPTIONS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     ),
     "travel": (
         "with --environment: speed that is added to the motion (default: 0)",
-        {"type": number(float, 0.0, 60.0, "m/s"), "metavar": "M/S"},
+        TRAVEL,
     ),
     "bones": ("names of the character's bones, lines such as 'thigh_left: NAME'", {"type": Path, "metavar": "YAML"}),
 }

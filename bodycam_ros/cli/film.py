@@ -6,7 +6,7 @@ Without a display: rays are traced on the processor.
 import argparse
 from pathlib import Path
 
-from bodycam_ros.cli.options import add_option, add_output, add_span, check_files, given_span, number
+from bodycam_ros.cli.options import TRAVEL, add_option, add_output, add_span, check_files, given_span, number
 from bodycam_ros.cli.output import shown_progress
 from bodycam_ros.cli.terminal import Terminal
 from bodycam_ros.errors import ViewError
@@ -38,8 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     environment_help = "show a place that was not there: road, slope:30 of so many degrees, or FILE.glb"
     parser.add_argument("--environment", metavar="PLACE", help=environment_help)
     travel_help = "with --environment: speed that is added to the motion (0)"
-    speed = number(float, 0.0, 60.0, "m/s")
-    add_option(parser, "--travel", type=speed, metavar="M/S", needs="environment", help=travel_help)
+    add_option(parser, "--travel", needs="environment", help=travel_help, **TRAVEL)
     surface_help = "scan of the person, a mesh per segment (thigh_left.obj or .ply); other segments have their girths"
     parser.add_argument("--surface", type=Path, metavar="FOLDER", help=surface_help)
     add_span(parser)

@@ -55,6 +55,9 @@ def time_span(text: str) -> tuple[float, float]:
     return span
 
 
+TRAVEL: Mapping[str, Any] = {"type": number(float, 0.0, 60.0, "m/s"), "metavar": "M/S"}
+"""A speed that is added to a motion, as of argparse."""
+
 _OPTIONS: Mapping[str, Mapping[str, Any]] = {
     "recording": {"metavar": "BAG", "help": "ros2 bag folder or .mcap file with the cameras"},
     "--map": {"help": "reference map, a folder made by 'bodycam map'"},

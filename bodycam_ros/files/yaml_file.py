@@ -219,7 +219,7 @@ def _yaml_remedy(problem: str, text: str, line: int) -> str:
     if "\t" in "".join(lines[line : line + 1]):
         return "; the line has a tab: indent it with spaces"
     if problem.startswith("mapping values are not allowed") and line > 0:
-        return "; lacks the line before a colon after its name, or is this one indented too far?"
+        return "; end the name in the line before with a colon, or indent this line less"
     return ""
 
 

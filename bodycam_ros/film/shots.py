@@ -78,7 +78,7 @@ class OutsideShots:
         return np.asarray(self._poses[row])
 
     def bands(self, row: int, moments: Moments) -> list[Band]:
-        """None: all of a picture is of one time."""
+        """No bands: all of a picture is of one time."""
         return []
 
     def background(self, image: Image | None) -> None:
@@ -184,7 +184,7 @@ class PhotographShots:
         return np.asarray(self._pose)
 
     def bands(self, row: int, moments: Moments) -> list[Band]:
-        """None: nothing moved in a photograph of the place."""
+        """No bands: nothing moved in a photograph of the place."""
         return []
 
     def background(self, image: Image | None) -> Image:

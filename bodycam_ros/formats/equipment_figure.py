@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.body.surface import Faces
+from bodycam_ros.body.surface import Faces, face_normals
 from bodycam_ros.environment.ground_mesh import ColouredMesh
 from bodycam_ros.environment.machines import COLOURS, WHEEL_M, Part
 from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions, change_axes
@@ -98,8 +98,7 @@ def _meshes(parts: Sequence[Part], origin: Array, program_R_world: Array, scale:
 
 def with_creases(mesh: ColouredMesh) -> tuple[Array, Array, Faces]:
     """Vertices (V, 3), their unit normals (V, 3) and triangles (T, 3): smooth where faces meet at a blunt edge."""
-    corners = mesh.vertices[mesh.triangles]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    across = face_normals(mesh.vertices, mesh.triangles)
     facing = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
     owners = mesh.triangles.ravel()  # of each corner; its face is the row over three
     order = np.argsort(owners, kind="stable")

@@ -218,14 +218,13 @@ def frame_remarks(camera: IngestCamera, read: int | None, without_key: int, unor
         unordered: whose time is not after the one before.
     """
     video, remarks = camera.video, []
+    files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
     if isinstance(video, CameraVideo) and video.is_joined_by_name:
-        files = " and ".join(path.name for path in video.files)
         remarks.append(
             f"{files} are joined, by their names alone, as chapters that follow each other; if these are several "
             "recordings, its clock is wrong: keep each recording in a folder of its own"
         )
     if read is not None:
-        files = " and ".join(path.name for path in (video.files if isinstance(video, CameraVideo) else [video.path]))
         remarks.append(
             f"{files} should have {video.facts.frames} frames, and {read} can be read: cut off or damaged; "
             "copy it again from the camera if you can"
