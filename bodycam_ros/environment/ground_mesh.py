@@ -25,6 +25,7 @@ from bodycam_ros.environment.environment import (
     Environment,
 )
 from bodycam_ros.geometry import Array, exp_so3
+from bodycam_ros.results.colours import rgb
 
 _BEHIND_M, _AHEAD_M, _ASIDE_M = 20.0, 60.0, 30.0  # of the motion
 _CELL_M, _MOST_CELLS = 2.0, 400  # along the ground: patches differ a little, which shows how it passes
@@ -113,7 +114,7 @@ def _between(right: float, left: float) -> list[tuple[float, float]]:
 
 
 def _shaded(colour: str, by: float) -> str:
-    values = np.frombuffer(bytes.fromhex(colour.removeprefix("#")), np.uint8) * (1.0 + by)
+    values = np.array(rgb(colour)) * (1.0 + by)
     return "#" + bytes(np.clip(np.round(values), 0, 255).astype(np.uint8)).hex()
 
 

@@ -11,12 +11,13 @@ from bodycam_ros.body.body_model import BodyModel, bone_ends
 from bodycam_ros.body.limb_mesh import Ball, limb_mesh
 from bodycam_ros.body.surface import Faces, join_meshes
 from bodycam_ros.geometry import Array, exp_so3, transform_points
+from bodycam_ros.results.colours import EQUIPMENT
 
 PAINT, RUBBER, METAL = range(3)
 """Colours of parts."""
 
-COLOURS = "#8e4a8a", "#26282b", "#a4aab0"
-"""Written colours of ``PAINT``, which is that of equipment in all pictures, ``RUBBER`` and ``METAL``."""
+COLOURS = EQUIPMENT, "#26282b", "#a4aab0"
+"""Written colours of ``PAINT``, ``RUBBER`` and ``METAL``."""
 
 WHEEL_M = 0.34
 """Radius of a wheel, with its tyre."""

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.surface import Faces
-from bodycam_ros.environment.colours import GAMMA
 from bodycam_ros.errors import ViewError
 from bodycam_ros.files.yaml_file import read_bytes
 from bodycam_ros.geometry import Array, transform_points
+from bodycam_ros.results.colours import GAMMA
 
 SUFFIX = ".glb"
 _MOST_BYTES = 200_000_000

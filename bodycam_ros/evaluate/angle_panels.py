@@ -13,14 +13,15 @@ from bodycam_ros.evaluate.gait import MIN_STRIDES_OF_SIDE, SIDES, Stride
 from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, CycleAngle, cycle_angles
 from bodycam_ros.evaluate.normal_angles import NormalAngles
 from bodycam_ros.geometry import Array
+from bodycam_ros.results import colours
 from bodycam_ros.results import picture_style as style
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 _JOINTS = (*LEG_JOINTS, "shoulder", "elbow")
 _WIDTH, _HEIGHT = 5.0, 3.2  # [in] of a panel
-_SIDE_COLOURS = {"left": style.LEFT, "right": style.RIGHT}
+_SIDE_COLOURS = {"left": colours.LEFT, "right": colours.RIGHT}
 _BAND_ALPHA = 0.2
-_NORMAL = style.FAINT
+_NORMAL = colours.FAINT
 _LABELS = {"ankle": "dorsiflexion [deg]"}
 
 
@@ -93,7 +94,7 @@ def draw_angles(
                     axes.plot(*solved.curve(solved.stamps_ns, angles[joint, side]), color=colour, linewidth=1.2)
             counts = [f"{cycles[joint, side].strides} {side}" for side in SIDES if (joint, side) in cycles]
             style.panel_title(axes, joint, f"strides: {', '.join(counts)}" if counts else "over time")
-            axes.axhline(0.0, color=style.QUIET, linewidth=0.6)
+            axes.axhline(0.0, color=colours.QUIET, linewidth=0.6)
             axes.set_xlabel("gait cycle [%]" if cycles else "time [s]")
             axes.set_ylabel(_LABELS.get(joint, "flexion [deg]"))
             if cycles:
@@ -101,7 +102,7 @@ def draw_angles(
             style.light_grid(axes)
         handles: list[Line2D | Patch] = [Line2D([], [], color=c, label=side) for side, c in _SIDE_COLOURS.items()]
         if any(cycle.strides >= MIN_STRIDES_OF_SIDE for cycle in cycles.values()):
-            handles.append(Patch(color=style.QUIET, alpha=_BAND_ALPHA, label="± one standard deviation over strides"))
+            handles.append(Patch(color=colours.QUIET, alpha=_BAND_ALPHA, label="± one standard deviation over strides"))
         if normal is not None and bands:
             handles.append(Patch(color=_NORMAL, label=f"normal ± one standard deviation ({normal.name})"))
         figure.legend(handles=handles, loc="lower center", ncols=len(handles))

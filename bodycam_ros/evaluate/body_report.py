@@ -13,7 +13,8 @@ from bodycam_ros.body.segment_name import SegmentName, mirrored
 from bodycam_ros.body.stick_figure import body_bones
 from bodycam_ros.calibration.diagnosis import CalibrationDiagnosis
 from bodycam_ros.evaluate.sections import Columns, Picture, Section, column_table, render_page
-from bodycam_ros.results.picture_style import INK, QUIET, WARNING, open_picture, panel_title, side_colour
+from bodycam_ros.results.colours import INK, QUIET, WARNING, side_colour
+from bodycam_ros.results.picture_style import open_picture, panel_title
 
 _SIZE_INCHES = (9.0, 7.5)
 _FRONT = [1, 2]

@@ -14,7 +14,8 @@ from bodycam_ros.evaluate.figures import BeforeAndAfter, spread
 from bodycam_ros.formats.tum import read_tum
 from bodycam_ros.geometry import Array, umeyama
 from bodycam_ros.results.body_motion import interpolated
-from bodycam_ros.results.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
+from bodycam_ros.results.colours import CAUTION, INK, QUIET
+from bodycam_ros.results.picture_style import light_grid, open_picture, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 _CAMERAS = "cameras"

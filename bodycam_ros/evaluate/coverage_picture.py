@@ -10,7 +10,8 @@ from matplotlib.colors import Normalize
 from bodycam_ros.evaluate.coverage import Coverage, Gap, find_gaps
 from bodycam_ros.files.shown import printable
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.results.picture_style import INK, LANDMARKS, QUIET, WARNING, open_picture, panel_title
+from bodycam_ros.results.colours import INK, QUIET, WARNING
+from bodycam_ros.results.picture_style import LANDMARKS, open_picture, panel_title
 
 _SIZE_INCHES = (9.0, 6.2)
 _SHARE = Normalize(0.0, 1.0)

@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from bodycam_ros.body.equipment_report import EquipmentRecord
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.evaluate.figures import AttachmentFigures, EquipmentFigures, LengthFigures, spread
-from bodycam_ros.results.picture_style import QUIET, light_grid, panel_title, side_colour
+from bodycam_ros.results.colours import QUIET, side_colour
+from bodycam_ros.results.picture_style import light_grid, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 _MIN_GAP_MM = 0.1  # lower end of the logarithmic scale; cameras measure no less

@@ -19,18 +19,9 @@ from bodycam_ros.geometry import Array
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.body_motion import pose_near
 from bodycam_ros.results.camera_picture import GOOD, GOOD_PX, draw_picture, project_bone
+from bodycam_ros.results.colours import CENTRE, EQUIPMENT, LEFT, QUIET, RIGHT, WARNING, side_colour
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.picture_style import (
-    CENTRE,
-    EQUIPMENT,
-    LEFT,
-    QUIET,
-    RIGHT,
-    WARNING,
-    open_picture,
-    panel_title,
-    side_colour,
-)
+from bodycam_ros.results.picture_style import open_picture, panel_title
 from bodycam_ros.results.provenance import warn_of_differences
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.static_cameras import contour_painting as painting

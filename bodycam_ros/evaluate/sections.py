@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from bodycam_ros.results.colours import FAINT, INK, QUIET, WARNING
+
 Columns = Sequence[tuple[str, str, str] | tuple[str, str, str, float]]
 """Heading, path of the figure ("position_gap_mm.median"), format of each column, and a factor to the heading's unit."""
 
@@ -130,8 +132,6 @@ def _cell(value: Any, form: str, factor: float = 1.0) -> str:
 def render_page(title: str, lines: Sequence[str], sections: Sequence[Section]) -> str:
     """A page as an HTML 5 document: a title, paragraphs and sections, from top to bottom."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    from bodycam_ros.results.picture_style import FAINT, INK, QUIET, WARNING  # it loads matplotlib
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),

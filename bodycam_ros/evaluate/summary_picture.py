@@ -19,11 +19,12 @@ from bodycam_ros.evaluate.figures import EvaluationFigures
 from bodycam_ros.evaluate.time_panels import ERROR_PANELS, draw_errors
 from bodycam_ros.geometry import Array, exp_so3, inverse, rigid, transform_points
 from bodycam_ros.registration.landmark_matches import CameraSight
+from bodycam_ros.results import colours
 from bodycam_ros.results import picture_style as style
 from bodycam_ros.results.solved_recording import SolvedRecording
 from bodycam_ros.results.verdict import Level, Verdict
 
-_VERDICT_COLOURS = {Level.GOOD: style.GOOD, Level.DOUBTFUL: style.CAUTION, Level.WRONG: style.WARNING}
+_VERDICT_COLOURS = {Level.GOOD: colours.GOOD, Level.DOUBTFUL: colours.CAUTION, Level.WRONG: colours.WARNING}
 _MAX_LETTERS = 150
 """Longest text of the line below the name; the report and summary.json have the rest."""
 
@@ -36,9 +37,9 @@ _MAX_COLUMNS = 900
 _NO_IMAGE = "#f7f8f9"
 _COLOURS = MappingProxyType(
     {
-        CameraSight.RELATIVE: style.RELATIVE,
-        CameraSight.ROTATION_ONLY: style.ROTATION_ONLY,
-        CameraSight.BLIND: style.WARNING,
+        CameraSight.RELATIVE: colours.RELATIVE,
+        CameraSight.ROTATION_ONLY: colours.ROTATION_ONLY,
+        CameraSight.BLIND: colours.WARNING,
     }
 )
 
@@ -88,14 +89,14 @@ def _draw_headline(figure: Figure, evaluation: Evaluation, height: float) -> Non
         what += f", truth: {evaluation.comparison.truth_name}"
     elif evaluation.agreement is not None:
         what += f", compared with {evaluation.agreement.name}"
-    figure.text(0.03, below, what, fontsize=10.0, color=style.QUIET, va="top")
+    figure.text(0.03, below, what, fontsize=10.0, color=colours.QUIET, va="top")
     colour = _VERDICT_COLOURS[evaluation.verdict.level]
     figure.text(0.03, verdict, verdict_line(evaluation.verdict), fontsize=11.0, weight="bold", color=colour, va="top")
     figures = key_figures(evaluation.figures)
     for index, (value, caption) in enumerate(figures):
         across = 0.97 - 0.112 * (len(figures) - 1 - index)
-        figure.text(across, name, value, fontsize=17.0, color=style.INK, va="top", ha="right")
-        figure.text(across, below, caption, fontsize=9.0, color=style.QUIET, va="top", ha="right")
+        figure.text(across, name, value, fontsize=17.0, color=colours.INK, va="top", ha="right")
+        figure.text(across, below, caption, fontsize=9.0, color=colours.QUIET, va="top", ha="right")
 
 
 def verdict_line(verdict: Verdict) -> str:
@@ -162,7 +163,7 @@ def _draw_registrations(axes: Axes, solved: SolvedRecording) -> None:
         axes.annotate(
             "100 %" if share == 1.0 else f"{100.0 * share:.1f} %", (1.0, row), (5, 0),
             xycoords=("axes fraction", "data"), textcoords="offset points", va="center", fontsize=8.0,
-            color=style.QUIET if share == 1.0 else style.WARNING,
+            color=colours.QUIET if share == 1.0 else colours.WARNING,
         )  # fmt: skip
     axes.tick_params(length=0)
     title, what = ("Camera registration", "landmarks") if solved.cameras else ("Static cameras", "observed segments")
@@ -201,8 +202,8 @@ _AWAY = np.array([-np.sin(_TURN), np.cos(_TURN), 0.0])
 _UP = np.array([0.0, 0.0, np.cos(_ELEVATION)]) + np.sin(_ELEVATION) * _AWAY
 _DEPTH = np.cross(_UP, _RIGHT)
 
-_SIDES = MappingProxyType({"left": style.LEFT, "right": style.RIGHT, "centre": style.CENTRE})
-_TRUTH_STYLE: Any = {"color": style.TRUTH, "linewidth": 5.5, "alpha": 0.55}
+_SIDES = MappingProxyType({"left": colours.LEFT, "right": colours.RIGHT, "centre": colours.CENTRE})
+_TRUTH_STYLE: Any = {"color": colours.TRUTH, "linewidth": 5.5, "alpha": 0.55}
 
 
 def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
@@ -226,20 +227,20 @@ def draw_figures(axes: Axes, evaluation: Evaluation) -> None:
         for line, _, bone in sorted(lines, key=lambda each: -each[1]):  # the far side first; nearer lines cover it
             _draw_bone(axes, bone, line)
         seconds, x = float(solved.seconds(solved.stamps_ns[[row]])[0]), _STEP_M * number
-        axes.plot([x - 0.3, x + 0.3], [0.0, 0.0], color=style.FAINT, linewidth=0.8, zorder=0)
+        axes.plot([x - 0.3, x + 0.3], [0.0, 0.0], color=colours.FAINT, linewidth=0.8, zorder=0)
         axes.annotate(
             f"{seconds:.1f} s", (x, 0.0), (0, -13), textcoords="offset points", ha="center", va="top", fontsize=8.0,
-            color=style.QUIET,
+            color=colours.QUIET,
         )  # fmt: skip
     has_equipment = any(bone.is_equipment for bone in body) and bool(solved.placed[rows].any())
     key: list[tuple[str, Any]] = [
         *((name, {"color": colour, "linewidth": 2.4}) for name, colour in _SIDES.items()),
-        *([("equipment", {"color": style.EQUIPMENT, "linewidth": 1.2})] if has_equipment else []),
+        *([("equipment", {"color": colours.EQUIPMENT, "linewidth": 1.2})] if has_equipment else []),
         *([("truth", _TRUTH_STYLE)] if comparison is not None else []),
     ]
     axes.legend(
         handles=[Line2D([], [], label=name, **looks) for name, looks in key], loc="lower right",
-        bbox_to_anchor=(1.0, 1.0), ncols=len(key), labelcolor=style.INK, handlelength=1.6, borderaxespad=0.0,
+        bbox_to_anchor=(1.0, 1.0), ncols=len(key), labelcolor=colours.INK, handlelength=1.6, borderaxespad=0.0,
     )  # fmt: skip
     axes.set_aspect("equal", adjustable="datalim")
     axes.axis("off")
@@ -256,9 +257,9 @@ def _projected(bone: Bone, row: int, world_T_view: Array, number: int) -> tuple[
 
 def _draw_bone(axes: Axes, bone: Bone, line: Array) -> None:
     if bone.is_equipment:
-        axes.plot(*line.T, color=style.EQUIPMENT, linewidth=1.2, solid_capstyle="round", zorder=3)
+        axes.plot(*line.T, color=colours.EQUIPMENT, linewidth=1.2, solid_capstyle="round", zorder=3)
         return
-    colour = style.side_colour(bone.segment)
+    colour = colours.side_colour(bone.segment)
     if bone.segment == HEAD:
         head = Circle(line[1], _HEAD_RADIUS_M, facecolor="white", edgecolor=colour, linewidth=1.8, zorder=3.1)
         axes.add_patch(head)

@@ -14,6 +14,7 @@ from bodycam_ros.body.segment_name import JOINT_ABOVE, SegmentName
 from bodycam_ros.evaluate.camera_figures import GyroscopeResiduals
 from bodycam_ros.evaluate.evaluation import Evaluation
 from bodycam_ros.geometry import Array
+from bodycam_ros.results import colours
 from bodycam_ros.results import picture_style as style
 
 ERROR_PANELS = 2
@@ -54,14 +55,14 @@ def draw_errors(panels: Sequence[Axes], evaluation: Evaluation) -> None:
         axes.set_ylabel(label)
         style.light_grid(axes)
         for second in solved.seconds(solved.stamps_ns[evaluation.blind]):
-            axes.axvspan(second - half_s, second + half_s, color=style.WARNING, alpha=0.25, linewidth=0.0)
+            axes.axvspan(second - half_s, second + half_s, color=colours.WARNING, alpha=0.25, linewidth=0.0)
         for start, end in evaluation.figures.gaps_s:
-            axes.axvspan(start - half_s, end + half_s, color=style.WARNING, alpha=0.6, linewidth=0.0)
+            axes.axvspan(start - half_s, end + half_s, color=colours.WARNING, alpha=0.6, linewidth=0.0)
     panels[-1].set_xlabel("time [s]")
-    key: list[Line2D | Patch] = [Line2D([], [], color=style.INK, label="mean")]
-    key += [Patch(color=style.TRUTH, alpha=0.45, label="up to the worst")]
+    key: list[Line2D | Patch] = [Line2D([], [], color=colours.INK, label="mean")]
+    key += [Patch(color=colours.TRUTH, alpha=0.45, label="up to the worst")]
     if evaluation.blind.any() or evaluation.figures.gaps_s:
-        key.append(Patch(color=style.WARNING, alpha=0.4, label="no camera registered, or not solved"))
+        key.append(Patch(color=colours.WARNING, alpha=0.4, label="no camera registered, or not solved"))
     panels[0].legend(
         handles=key, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(key), borderaxespad=0.0, handlelength=1.6
     )
@@ -71,14 +72,14 @@ def _draw_spread(axes: Axes, curves: tuple[Array, Array]) -> None:
     """The mean over the columns of values (T, J) as a line, up to their maximum an area."""
     seconds, values = curves
     mean, worst = values.mean(axis=1), values.max(axis=1)
-    axes.fill_between(seconds, mean, worst, color=style.TRUTH, alpha=0.45, linewidth=0.0)
+    axes.fill_between(seconds, mean, worst, color=colours.TRUTH, alpha=0.45, linewidth=0.0)
     # One point shows as a dot: it makes no line.
-    axes.plot(seconds, mean, color=style.INK, linewidth=1.4, marker="o" if len(seconds) == 1 else "")
+    axes.plot(seconds, mean, color=colours.INK, linewidth=1.4, marker="o" if len(seconds) == 1 else "")
     if np.isfinite(mean).any():
         overall = float(np.nanmean(mean))
         axes.annotate(
             f"mean {overall:#.2g}".rstrip("."), (1.0, overall), (4, 0), xycoords=("axes fraction", "data"),
-            textcoords="offset points", va="center", fontsize=8.0, color=style.QUIET,
+            textcoords="offset points", va="center", fontsize=8.0, color=colours.QUIET,
         )  # fmt: skip
 
 
@@ -110,7 +111,7 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
             row[0].set_ylabel(label)
         for axes in panels[-1]:
             axes.set_xlabel("time [s]")
-        sides = (("left", style.LEFT), ("right", style.RIGHT), ("trunk", style.CENTRE))
+        sides = (("left", colours.LEFT), ("right", colours.RIGHT), ("trunk", colours.CENTRE))
         figure.legend(handles=[Line2D([], [], color=c, label=name) for name, c in sides], loc="lower center", ncols=3)
         figure.align_ylabels()
         figure.subplots_adjust(
@@ -120,7 +121,7 @@ def draw_joint_errors(evaluation: Evaluation, path: Path) -> None:
 
 def _draw_panel(axes: Axes, kind: str, curves: Mapping[str, tuple[Array, Array]]) -> None:
     for segment, curve in curves.items():
-        axes.plot(*curve, color=style.side_colour(segment), linewidth=1.2)
+        axes.plot(*curve, color=colours.side_colour(segment), linewidth=1.2)
     values = np.concatenate([np.zeros(0), *(values for _, values in curves.values())])
     known = values[np.isfinite(values)]
     if not known.size:

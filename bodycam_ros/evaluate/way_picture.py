@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.registration.reference_map import ReferenceMap
-from bodycam_ros.results.picture_style import INK, LEFT, QUIET, RIGHT, TRUTH, open_picture, panel_title
+from bodycam_ros.results.colours import INK, LEFT, QUIET, RIGHT, TRUTH
+from bodycam_ros.results.picture_style import open_picture, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 _WIDTH, _HEIGHT = 16.0, 6.6  # [in]

@@ -11,7 +11,8 @@ from bodycam_ros.errors import RecordingError
 from bodycam_ros.evaluate.comparison import Comparison, TrueMotion, compare
 from bodycam_ros.evaluate.figures import TwoSpreads, spread
 from bodycam_ros.geometry import Array
-from bodycam_ros.results.picture_style import CAUTION, INK, QUIET, light_grid, open_picture, panel_title
+from bodycam_ros.results.colours import CAUTION, INK, QUIET
+from bodycam_ros.results.picture_style import light_grid, open_picture, panel_title
 from bodycam_ros.results.solved_recording import SolvedRecording
 
 _MAX_PANELS = 3

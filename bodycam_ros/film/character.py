@@ -12,9 +12,9 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.segment_name import SegmentName
 from bodycam_ros.body.skin import SkinnedSurface, skinned_body
 from bodycam_ros.body.surface import Faces, Surface, join_meshes, vertex_neighbours
-from bodycam_ros.environment.colours import linear
 from bodycam_ros.environment.machines import COLOURS, machine_parts
 from bodycam_ros.geometry import Array, inverse, transform_points
+from bodycam_ros.results.colours import linear
 
 _SKIN, _SHIRT, _TROUSERS, _SHOES, _HAIR, _SOLES, _EQUIPMENT = range(7)
 _CLOTHING = "#d8a98c", "#3f6f9e", "#3b414a", "#e4e2dd", "#4a3426", "#55595e"

@@ -24,7 +24,7 @@ from bodycam_ros.environment.environment import (
 )
 from bodycam_ros.environment.placement import Route
 from bodycam_ros.film.ray_scene import Floats
-from bodycam_ros.results.picture_style import rgb
+from bodycam_ros.results.colours import rgb
 
 _GRAIN_M, _GRAIN_CELLS, _GRAIN = 0.04, 512, 14.0  # size of its cells, of the pattern that repeats; strength
 

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from bodycam_ros.body.surface import face_normals
 from bodycam_ros.environment.scenery import Scenery
 from bodycam_ros.film.lighting import sun_directions
 from bodycam_ros.film.ray_scene import Floats, RayScene, free_share
@@ -32,8 +33,7 @@ class LitScenery:
 
     @cached_property
     def _normals(self) -> Floats:
-        a, b, c = (self.scenery.vertices[self.scenery.triangles[:, corner]] for corner in range(3))
-        across = np.cross(b - a, c - a)
+        across = face_normals(self.scenery.vertices, self.scenery.triangles)
         normals: Floats = (across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)).astype(np.float32)
         return normals
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.camera import CameraModel
-from bodycam_ros.environment.colours import GAMMA
 from bodycam_ros.film.character import PosedMesh
 from bodycam_ros.film.ground import ground_colours
 from bodycam_ros.film.lighting import GroundShadow, LitMesh, ground_shadow, lit_mesh
@@ -19,6 +18,7 @@ from bodycam_ros.film.place import Place
 from bodycam_ros.film.ray_scene import Floats, RayScene
 from bodycam_ros.film.views import UP, Window
 from bodycam_ros.geometry import Array, inverse, transform_points
+from bodycam_ros.results.colours import GAMMA
 
 Image = NDArray[np.uint8]
 

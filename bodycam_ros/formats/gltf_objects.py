@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bodycam_ros.environment.colours import linear
 from bodycam_ros.environment.ground_mesh import ColouredMesh
 from bodycam_ros.formats.equipment_figure import EquipmentSegment, Wheel, with_creases
 from bodycam_ros.formats.gltf_container import GltfBuffer, continuous_quaternions
 from bodycam_ros.geometry import Array, exp_so3, quaternion_xyzw
+from bodycam_ros.results.colours import linear
 
 VERTICES, INDICES = 34962, 34963
 """Targets of views."""

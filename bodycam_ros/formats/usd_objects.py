@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bodycam_ros.body.surface import Faces
-from bodycam_ros.environment.colours import linear
 from bodycam_ros.environment.ground_mesh import ColouredMesh
 from bodycam_ros.environment.machines import COLOURS
 from bodycam_ros.environment.scenery import Scenery
@@ -15,6 +14,7 @@ from bodycam_ros.formats.sampled_motion import UP_AXES, MotionOptions
 from bodycam_ros.formats.staged_motion import StagedMotion
 from bodycam_ros.formats.usd_values import identifier, single_samples, written, written_rows
 from bodycam_ros.geometry import Array, quaternion_xyzw
+from bodycam_ros.results.colours import linear
 
 SKIN = "skin"
 """Name of the person's material."""

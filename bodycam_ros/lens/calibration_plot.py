@@ -11,7 +11,8 @@ from scipy.stats import binned_statistic
 
 from bodycam_ros.lens.lens_calibration import LensCalibration
 from bodycam_ros.lens.lens_quality import CELLS, TRUSTED_RADIUS
-from bodycam_ros.results.picture_style import FAINT, GOOD, INK, QUIET, WARNING, light_grid, open_picture, panel_title
+from bodycam_ros.results.colours import FAINT, GOOD, INK, QUIET, WARNING
+from bodycam_ros.results.picture_style import light_grid, open_picture, panel_title
 
 _INCHES = (13.0, 5.5)
 _LETTERS = 165  # of a line of the verdict

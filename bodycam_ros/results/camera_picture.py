@@ -12,7 +12,7 @@ from bodycam_ros.camera import CameraModel
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
-from bodycam_ros.results.picture_style import EQUIPMENT, WARNING, rgb, side_colour
+from bodycam_ros.results.colours import EQUIPMENT, WARNING, rgb, side_colour
 
 GOOD, GOOD_PX = "#35e0c4", 3.0
 """Colour of landmarks within this distance [px] of their tracks; on grey images a light colour shows."""

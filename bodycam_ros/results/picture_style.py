@@ -1,4 +1,4 @@
-"""Colours and typography of all pictures."""
+"""Typography and panels of all pictures by matplotlib."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -10,23 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-LEFT, RIGHT, CENTRE = "#1f6fb4", "#dd7a12", "#33383d"
-"""Sides of the body: blue and orange stay apart for every eye."""
-
-TRUTH = "#a9b0b7"
-WARNING = "#c8102e"
-"""Lost cameras, gaps, frames without any camera, a result that is wrong; nothing else is red."""
-
-CAUTION, GOOD = "#9a6700", "#2c7f78"
-"""A result that is doubtful, and one that is good."""
-
-RELATIVE, ROTATION_ONLY = "#7a6cb4", "#d9b13b"
-"""A camera registered by extended landmarks, and one of which only the rotation is known."""
-
-EQUIPMENT = "#8e4a8a"
-"""Equipment, drawn thinner than limbs."""
-
-INK, QUIET, FAINT = "#22272b", "#6b747c", "#e3e7ea"
+from bodycam_ros.results.colours import FAINT, INK, QUIET, side_colour
 
 LANDMARKS = LinearSegmentedColormap.from_list("landmarks", ["#e4f0ee", "#7fb9b0", "#2c7f78", "#0c4644"])
 
@@ -62,19 +46,6 @@ def open_picture(file: Path | IO[bytes], width: float, height: float) -> Iterato
         figure = Figure(figsize=(width, height), facecolor="white")
         yield figure
         figure.savefig(file, dpi=_DOTS_PER_INCH, format="png")
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Red, green and blue, 0 to 255, of ``#rrggbb``."""
-    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
-    return red, green, blue
-
-
-def side_colour(segment: str) -> str:
-    """Colour of the side that a segment's name ends with."""
-    if segment.endswith("_left"):
-        return LEFT
-    return RIGHT if segment.endswith("_right") else CENTRE
 
 
 def panel_title(axes: Axes, title: str, note: str = "") -> None:

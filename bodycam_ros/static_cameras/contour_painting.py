@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from bodycam_ros.body.surface import NOBODY
 from bodycam_ros.geometry import Array
-from bodycam_ros.results.picture_style import FAINT, rgb
+from bodycam_ros.results.colours import FAINT, rgb
 from bodycam_ros.static_cameras.static_camera import SHRINK, Contour
 
 Image = NDArray[np.uint8]

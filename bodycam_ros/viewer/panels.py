@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from viser import GuiSliderHandle, uplot
 
 from bodycam_ros.body.segment_name import SegmentName
-from bodycam_ros.results.picture_style import INK, LEFT, RIGHT, side_colour
+from bodycam_ros.results.colours import INK, LEFT, RIGHT, side_colour
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import CONTACTS, LOST, REGISTERED, SELECTED, TOUCHING, UNKNOWN
 from bodycam_ros.viewer.server import Action, LocalServer, set_value

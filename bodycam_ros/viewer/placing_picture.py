@@ -11,7 +11,7 @@ from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import Array, inverse, transform_points
 from bodycam_ros.results.camera_picture import draw_polyline, project_bone
-from bodycam_ros.results.picture_style import EQUIPMENT, side_colour
+from bodycam_ros.results.colours import EQUIPMENT, side_colour
 from bodycam_ros.static_cameras.contour_painting import Window, bgr, cut_out, paint_contour, square_window
 from bodycam_ros.static_cameras.static_camera import Image, RegionModel
 from bodycam_ros.viewer.scene import SELECTED

@@ -20,8 +20,8 @@ from bodycam_ros.body.surface_folder import surfaces_of
 from bodycam_ros.geometry import Array, inverse, quaternion_xyzw, rigid, rotation_to_z, transform_points
 from bodycam_ros.registration.reference_map import ReferenceMap
 from bodycam_ros.results.camera_picture import GOOD, CameraPicture, draw_picture
+from bodycam_ros.results.colours import EQUIPMENT, QUIET, WARNING, rgb, side_colour
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.picture_style import EQUIPMENT, QUIET, WARNING, rgb, side_colour
 from bodycam_ros.static_cameras.static_camera import Image, StaticCamera
 from bodycam_ros.viewer.contacts import touching_at
 from bodycam_ros.viewer.correction import Part

@@ -8,8 +8,8 @@ from viser import PanelHandle
 from bodycam_ros.camera.camera_image import decode_grey
 from bodycam_ros.errors import RecordingError
 from bodycam_ros.files.shown import printable
+from bodycam_ros.results.colours import rgb
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.picture_style import rgb
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import LOST, REGISTERED, UNKNOWN
 from bodycam_ros.viewer.server import LocalServer

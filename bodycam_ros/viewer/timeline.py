@@ -14,7 +14,7 @@ from viser import GuiSliderHandle
 
 from bodycam_ros.files.shown import printable
 from bodycam_ros.results.body_motion import distance_in_time
-from bodycam_ros.results.picture_style import EQUIPMENT, FAINT, side_colour
+from bodycam_ros.results.colours import EQUIPMENT, FAINT, side_colour
 from bodycam_ros.results.solved_body import GAP_FRAMES
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import LOST, REGISTERED

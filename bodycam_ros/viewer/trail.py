@@ -5,7 +5,7 @@ import numpy as np
 from bodycam_ros.body.body_edit import joint_named
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.geometry import Array, transform_points
-from bodycam_ros.results.picture_style import rgb, side_colour
+from bodycam_ros.results.colours import rgb, side_colour
 from bodycam_ros.results.solved_body import GAP_FRAMES
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import WORLD

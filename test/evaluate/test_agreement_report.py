@@ -11,7 +11,7 @@ from helpers.known_walk import FRAME_NS, Walk
 
 from bodycam_ros.cli.main import main
 from bodycam_ros.evaluate.sections import Link, Picture, Section, Table, column_table, render_page
-from bodycam_ros.results.picture_style import LEFT
+from bodycam_ros.results.colours import LEFT
 
 WRITTEN = ["angles.png", "joints.png", "report.html", "summary.json", "summary.png"]
 

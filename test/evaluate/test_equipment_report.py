@@ -19,8 +19,8 @@ from bodycam_ros.evaluate.summary_picture import draw_figures
 from bodycam_ros.messages.body import EQUIPMENT
 from bodycam_ros.recording.bag_file import BagFile
 from bodycam_ros.recording.bag_writer import write_recording
-from bodycam_ros.results.picture_style import CENTRE, LEFT
-from bodycam_ros.results.picture_style import EQUIPMENT as EQUIPMENT_COLOUR
+from bodycam_ros.results.colours import CENTRE, LEFT
+from bodycam_ros.results.colours import EQUIPMENT as EQUIPMENT_COLOUR
 from bodycam_ros.results.solved_recording import read_solved
 
 

@@ -13,7 +13,7 @@ from bodycam_ros.evaluate.evaluation import evaluate
 from bodycam_ros.evaluate.gait_cycle import CYCLE_PERCENT, CycleAngle
 from bodycam_ros.evaluate.normal_angles import read_normal_angles
 from bodycam_ros.evaluate.report import write_report
-from bodycam_ros.results.picture_style import FAINT
+from bodycam_ros.results.colours import FAINT
 from bodycam_ros.results.solved_recording import read_solved
 
 HEADER = "joint,percent,mean,sd\n"

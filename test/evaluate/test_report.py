@@ -23,7 +23,7 @@ from bodycam_ros.evaluate.report import write_report
 from bodycam_ros.evaluate.summary_picture import sight_table
 from bodycam_ros.geometry import exp_so3
 from bodycam_ros.registration.landmark_matches import CameraSight
-from bodycam_ros.results.picture_style import LEFT, RIGHT, WARNING
+from bodycam_ros.results.colours import LEFT, RIGHT, WARNING
 
 SMALL_SHARE = 1e-4  # of the picture's pixels
 

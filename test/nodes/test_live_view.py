@@ -14,7 +14,7 @@ from bodycam_ros.body.urdf import urdf_text
 from bodycam_ros.errors import ViewError
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.kinematics.joint_angles import JointAngles
-from bodycam_ros.results.picture_style import rgb
+from bodycam_ros.results.colours import rgb
 from bodycam_ros.viewer.live_session import LiveSession
 from bodycam_ros.viewer.scene import LOST, REGISTERED, segment_name
 from bodycam_ros.viewer.server import LocalServer

@@ -17,8 +17,8 @@ from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.typestore import recorded_messages
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.results.camera_picture import CameraPicture, draw_picture
+from bodycam_ros.results.colours import LEFT, rgb
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.picture_style import LEFT, rgb
 from bodycam_ros.timing.clock_state import ClockHistory, ClockState
 from bodycam_ros.viewer.motion import read_motion
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.body.body_model import BodyModel
 from bodycam_ros.body.stick_figure import body_bones
-from bodycam_ros.results.picture_style import rgb, side_colour
+from bodycam_ros.results.colours import rgb, side_colour
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.editor import SIZE_M
 from bodycam_ros.viewer.motion import Motion, read_motion

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from bodycam_ros.body.body_model import sole_points
 from bodycam_ros.geometry import transform_points
-from bodycam_ros.results.picture_style import EQUIPMENT, LEFT
+from bodycam_ros.results.colours import EQUIPMENT, LEFT
 from bodycam_ros.results.solved_body import read_solved_body
 from bodycam_ros.viewer.contacts import find_contacts, touching_at
 from bodycam_ros.viewer.motion import read_motion

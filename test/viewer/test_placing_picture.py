@@ -10,7 +10,7 @@ from static_cameras.painted_bag import dressed_body
 
 from bodycam_ros.body.surface import BodySurface
 from bodycam_ros.geometry import inverse, transform_points
-from bodycam_ros.results.picture_style import rgb
+from bodycam_ros.results.colours import rgb
 from bodycam_ros.static_cameras.contour_painting import CONTOUR
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.region_tracker import RegionTracker

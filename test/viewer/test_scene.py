@@ -15,8 +15,8 @@ from bodycam_ros.body.stick_figure import Bone, body_bones
 from bodycam_ros.geometry import rigid, rotation_from_xyzw
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
 from bodycam_ros.registration.reference_map import ReferenceMap
+from bodycam_ros.results.colours import EQUIPMENT, rgb
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.picture_style import EQUIPMENT, rgb
 from bodycam_ros.viewer.correction import Correction, Part, place_of
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import CAMERAS, LOST, NAMES, REGISTERED, SELECTED, UNKNOWN, Scene

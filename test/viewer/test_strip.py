@@ -10,8 +10,8 @@ import pytest
 
 from bodycam_ros.body.body_file import read_body
 from bodycam_ros.camera.camera_image import CameraImage, decode_grey
+from bodycam_ros.results.colours import rgb
 from bodycam_ros.results.footage import Footage
-from bodycam_ros.results.picture_style import rgb
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import LOST, UNKNOWN
 from bodycam_ros.viewer.server import LocalServer

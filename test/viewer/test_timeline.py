@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers.known_walk import walking_body
 
-from bodycam_ros.results.picture_style import LEFT
+from bodycam_ros.results.colours import LEFT
 from bodycam_ros.viewer.contacts import Contact
 from bodycam_ros.viewer.motion import Motion
 from bodycam_ros.viewer.scene import LOST, REGISTERED
