@@ -103,7 +103,7 @@ class SegmentSupport:
     """
 
     def __init__(self, body: BodyModel) -> None:
-        self._ends = body.joint_ends
+        self._body = body
         self.unconfirmed = np.zeros(len(body.segments), bool)
         self.unseen = np.zeros(len(body.segments), bool)
         self._began = False
@@ -147,7 +147,7 @@ class SegmentSupport:
         support = self._smoothed.copy()
         both = support[self._pairs]
         support[self._pairs] = np.where(np.isnan(both), both[:, ::-1], both).mean(axis=1, keepdims=True)
-        return self.with_descendants((support < self._least) | self.unconfirmed, ~self._beside)
+        return with_descendants(self._body, (support < self._least) | self.unconfirmed, ~self._beside)
 
     @property
     def _usual(self) -> float:
@@ -166,7 +166,7 @@ class SegmentSupport:
         own = self._smoothed
         other_is_right = (own[self._opposite] >= own) & ~self.false[self._opposite] & ~self.unseen[self._opposite]
         is_unlike = (self._alike < self._least_alike * self._usual) & other_is_right & self._hidden_first
-        return self.with_descendants(is_unlike, ~self._beside)
+        return with_descendants(self._body, is_unlike, ~self._beside)
 
     @property
     def unsupported(self) -> Mask:
@@ -176,7 +176,7 @@ class SegmentSupport:
         """
         unsupported = self.false | self.unseen | self.unlike
         is_weak = self._has_opposite & (self._smoothed < _WEAK)
-        for parent, child in self._ends[::-1].tolist():
+        for parent, child in self._body.joint_ends[::-1].tolist():
             unsupported[parent] |= unsupported[child] & is_weak[parent] & ~self._beside[child]
         return unsupported
 
@@ -184,13 +184,6 @@ class SegmentSupport:
     def not_yet_shown(self) -> Mask:
         """(S,) segments that are unseen, and that no image contradicts."""
         return self.unseen & ~self.false & ~self.unlike
-
-    def with_descendants(self, segments: Mask, within: Mask) -> Mask:
-        """The segments (S,) ``within`` (S,) some, and those that hang on them."""
-        chosen = segments & within
-        for parent, child in self._ends.tolist():
-            chosen[child] |= chosen[parent] & within[child]
-        return chosen
 
     def next_search(self) -> Mask:
         """(S,) segments to search for in this frame: false ones, at intervals that grow while searches fail."""
@@ -215,6 +208,14 @@ def is_far(poses: Array, others: Array) -> Mask:
     along = np.sum(poses[:, :3, 2] * others[:, :3, 2], axis=1)
     far: Mask = (off_m > _FAR_M) | (along < np.cos(_FAR_RAD))
     return far
+
+
+def with_descendants(body: BodyModel, segments: Mask, within: Mask) -> Mask:
+    """The segments (S,) ``within`` (S,) some, and those that hang on them."""
+    chosen = segments & within
+    for parent, child in body.joint_ends.tolist():
+        chosen[child] |= chosen[parent] & within[child]
+    return chosen
 
 
 def opposite_rows(body: BodyModel) -> NDArray[np.int64]:

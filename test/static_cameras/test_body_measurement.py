@@ -19,7 +19,7 @@ from bodycam_ros.camera.camera_image import CameraImage
 from bodycam_ros.errors import RangeOfMotionError
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.geometry import Array
-from bodycam_ros.static_cameras import body_measurement, region_tracker, shape_evidence
+from bodycam_ros.static_cameras import body_measurement, region_fit, region_tracker, shape_evidence
 from bodycam_ros.static_cameras.body_measurement import BodyMeasurement, MeasuredBody
 from bodycam_ros.static_cameras.region_settings import RegionSettings
 from bodycam_ros.static_cameras.start_file import PlacedBody, start_poses
@@ -58,7 +58,7 @@ class Painted:
 
     def measure(self, settings: ShapeSettings, instants: int = INSTANTS) -> MeasuredBody:
         with threadpool_limits(limits=1), pytest.MonkeyPatch.context() as patch:
-            for module in (region_tracker, shape_evidence):
+            for module in (region_fit, region_tracker, shape_evidence):
                 patch.setattr(module, "LINES_ALIKE", 1.0)
             for name, value in {"_SURFACE_SIGMA_M": 0.002, "_ALIKE_S": 1e-9 * STEP_NS, "_ROUNDS": 3}.items():
                 patch.setattr(body_measurement, name, value)
