@@ -154,7 +154,8 @@ class BodyMeasurement:
             Normal equations (size, size), (size,), frames measured, and mean share of observed segments.
         """
         body = evidence.body
-        tracker = RegionTracker(body, evidence.surface, self._stations, self._region)
+        # Arms of a length that is not known yet are tried in vain, and each try that is kept changes what is measured.
+        tracker = RegionTracker(body, evidence.surface, self._stations, self._region, tries_arms=False)
         information, vector = np.zeros((self._size, self._size)), np.zeros(self._size)
         latest: deque[tuple[int, Array]] = deque(maxlen=2)  # stamps [ns] and poses (S, 4, 4)
         seen: list[float] = []

@@ -40,6 +40,7 @@ class RegionTracker:
         stations: by name.
         settings: rate of learning and least confidence.
         searches_again: whether limbs that are lost are searched for, which takes seconds; else they stay lost.
+        tries_arms: whether arms that may have slid up a sleeve are tried elsewhere as well.
 
     Attributes:
         body: as given, with limits.
@@ -53,12 +54,14 @@ class RegionTracker:
         stations: Mapping[str, StaticCamera],
         settings: RegionSettings,
         searches_again: bool = True,
+        tries_arms: bool = True,
     ) -> None:
         self.body, self._settings = with_usual_limits(body), settings
         self._fitter = RegionFitter(self.body, surface, stations)
         self.views = self._fitter.views
         self._search = BodySearch(self._fitter)
         self._min_views = MIN_VIEWS if searches_again else len(stations) + 1
+        self._tries_arms = searches_again and tries_arms
         self.restart()
 
     def restart(self) -> None:
@@ -123,7 +126,7 @@ class RegionTracker:
             return fit_from(begin, PredictedBody.near(begin))
 
         fit = fit_from(start, predicted)
-        if len(images) >= self._min_views:
+        if self._tries_arms and len(images) >= self._min_views:
             slid = self._arms.find(
                 fit.poses,
                 on_body | self._support.unconfirmed,
