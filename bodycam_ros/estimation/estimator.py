@@ -33,16 +33,16 @@ from bodycam_ros.estimation.initial_pose import first_poses
 from bodycam_ros.estimation.motion_settings import MotionSettings
 from bodycam_ros.estimation.mounted_cameras import EvidenceSettings, MountedCameras
 from bodycam_ros.estimation.pose_prior import PosePrior
+from bodycam_ros.estimation.published_body import PublishedBody
 from bodycam_ros.estimation.solved_state import Measurements, SolvedState, ready_count
 from bodycam_ros.estimation.solver_counts import SolverCounts
 from bodycam_ros.estimation.state_factors import StateFactors
 from bodycam_ros.estimation.state_link import Initial, StateLink
 from bodycam_ros.estimation.state_solution import Prediction, fit_state
 from bodycam_ros.estimation.static_evidence import StaticCameras, StaticEvidence
-from bodycam_ros.estimation.uncertainty import body_uncertainty, widened
+from bodycam_ros.estimation.unobserved_time import UnobservedTime
 from bodycam_ros.estimation.whole_recording import WholeRecording, first_initial
 from bodycam_ros.estimation.window import Window, WindowError
-from bodycam_ros.geometry import Array
 from bodycam_ros.kinematics.tangent import TreeTangent
 
 logger = logging.getLogger(__name__)
@@ -55,7 +55,6 @@ CARRIED_S = 5.0
 _AGREE_S = 0.5  # how long a recording waits for first frames in which few cameras contradict the others
 _FEW = 0.2  # share of the cameras that is few
 _KNOWN = 3  # states after which the motion is known
-_PREDICTED_S = 0.2  # how long a prediction of what is not observed may reject cameras: velocities fade as fast
 _NO_OPINION = 1e6  # sigma [rad], [m] and of their rates, of a prior on other coordinates
 _BENT = 0.2  # of the first guess: from a straight knee, the pose of a foot bends it backwards as well as forwards
 
@@ -101,10 +100,8 @@ class BodyEstimator:
         self._coupling = coupling
         self._static_cameras = static_cameras
         self._inertial = inertial
-        # Unknown lengths of equipment are joints that slide; their segments come last, and are not published.
         self.body = coupling.body if coupling else body
-        self._published = slice(len(body.segments))
-        self._published_joints = [self.body.joint_row[joint.name] for joint in body.tree_joints]
+        self._published = PublishedBody(body, self.body, coupling)
         self.settings = settings or EstimatorSettings()
         self._cameras = {name for name in cameras if name in body.mounts}
         if not self._cameras and static_cameras is None:
@@ -127,9 +124,9 @@ class BodyEstimator:
         """Forget the motion: at the start, and after a pause that is too long to be filled."""
         self._states: list[SolvedState] = []
         self._start_ns: int | None = None  # of the first frame with a registered camera
-        self._unobserved_s = np.zeros(1 + len(self.body.tree_joints))  # of the body as a whole, and of each joint
+        self._unobserved = UnobservedTime(len(self.body.tree_joints))
         self._window = self._new_window()
-        self._static = StaticEvidence(self.body, self._static_cameras, self._published.stop)
+        self._static = StaticEvidence(self.body, self._static_cameras, self._published.segments)
         self._whole.reset()
         if self._coupling:
             self._coupling.reset()
@@ -294,8 +291,7 @@ class BodyEstimator:
         fit = fit_state(link.prediction, self._factors.stages(measured), [start])
         self.counts.unconverged += not fit.converged
         self._prior.add(fit.at.joints[:, :3, :3], joints_observed, dt_s)
-        unmeasured = np.append(not observed.any(), ~joints_observed)
-        self._unobserved_s = np.where(unmeasured, self._unobserved_s + dt_s, 0.0)
+        self._unobserved.add(observed, joints_observed, dt_s)
         # Points of the soles that rest.
         resting = self._soles.resting(link.prediction.before.poses, fit.at.poses, dt_s, turning)
         if link.before is None:
@@ -343,18 +339,9 @@ class BodyEstimator:
     ) -> tuple[dict[str, SegmentPose], Coordinates]:
         """The cameras that pass the chi-square gate, and the coordinates that fit them."""
         poses = SegmentPoses.from_evidence(self.body, registered.values())
-        accepted, at = gate_cameras(prediction, poses, self._unobserved_columns())
+        unobserved = self._unobserved.columns(self._tangent) if self._states else np.ones(self._tangent.count, bool)
+        accepted, at = gate_cameras(prediction, poses, unobserved)
         return {name: pose for (name, pose), passes in zip(registered.items(), accepted, strict=True) if passes}, at
-
-    def _unobserved_columns(self) -> Mask:
-        """(K,) coordinates that nothing measured for a while: no reason to reject a camera that does now.
-
-        For a moment a prediction is as good as its covariance; then it is that of the pose prior, which is a guess.
-        """
-        if not self._states:
-            return np.ones(self._tangent.count, bool)
-        unobserved = self._unobserved_s > _PREDICTED_S
-        return np.append(np.full(6, unobserved[0]), self._tangent.columns_of(unobserved[1:])[6:])
 
     def _couple(
         self, coupling: Coupling, coupled: CoupledState, measured: Measurements, link: StateLink
@@ -397,28 +384,8 @@ class BodyEstimator:
         for state in pending:
             state.is_published = True
         self._states = [state for state in self._states[:-1] if not state.is_published] + self._states[-1:]
-        return [self._body_state(state, *each) for state, each in zip(pending, solutions, strict=False)]
+        return [self._published.state(state, *each) for state, each in zip(pending, solutions, strict=False)]
 
     def _smoothed(self, state: SolvedState) -> Coordinates:
         """Coordinates of a state by the window, or as they were when a window failed."""
         return self._window.at(state.number) if state.number in self._window else state.chart.origin
-
-    def _body_state(self, state: SolvedState, at: Coordinates, covariance: Array) -> BodyState:
-        report, rows = None, self._published
-        uncertainty = state.static.widen(body_uncertainty(at, covariance))
-        if not state.converged:
-            uncertainty = widened(uncertainty)
-        if self._coupling:
-            report = self._coupling.report(at, covariance, state.active)
-        joints, segments = uncertainty.joints[self._published_joints], uncertainty.segments[rows]
-        return BodyState(
-            stamp_ns=state.stamp_ns,
-            segments=self.body.segments[rows],
-            world_T_segment=at.poses[rows].copy(),
-            twists=(at.jacobians @ at.velocity)[rows],
-            uncertainty=replace(uncertainty, joints=joints, segments=segments),
-            observed=state.observed[rows],
-            cameras_used=state.cameras_used,
-            converged=state.converged,
-            equipment=report,
-        )

@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache, partial
@@ -24,7 +24,7 @@ from bodycam_ros.pipeline.sensors import camera_turns, unused_sensors
 from bodycam_ros.pipeline.skeleton import SkeletonPipeline
 from bodycam_ros.pipeline.static_cameras import image_measurement
 from bodycam_ros.quality.camera_poses import CameraPoseLog
-from bodycam_ros.recording.bag_reader import LAST_NS, Recording, open_recording
+from bodycam_ros.recording.bag_reader import Recording, open_recording
 from bodycam_ros.recording.bag_writer import write_recording
 from bodycam_ros.recording.imu_reader import read_imus
 from bodycam_ros.registration.landmark_matches import LandmarkMatches
@@ -38,15 +38,13 @@ from bodycam_ros.replaying.camera_worker import (
     register_images,
 )
 from bodycam_ros.replaying.extend import ExtensionRound, extend_map
-from bodycam_ros.replaying.first_pass import FirstPass
-from bodycam_ros.replaying.fresh_fronts import LEAD_NS
 from bodycam_ros.replaying.front_end import Worker, merged_results, start_workers
-from bodycam_ros.replaying.preview import preview_text, preview_windows, with_margins
-from bodycam_ros.replaying.recorded_part import part_s, published_window
+from bodycam_ros.replaying.recorded_part import published_window
 from bodycam_ros.replaying.replay_output import ReplayOutput
 from bodycam_ros.replaying.replay_record import SolverOutcome
 from bodycam_ros.replaying.replay_request import ReplayRequest
 from bodycam_ros.replaying.replay_summary import ReplaySummary
+from bodycam_ros.replaying.replay_windows import ReplayWindows
 from bodycam_ros.replaying.static_input import read_recorded_static_cameras
 from bodycam_ros.replaying.stretch_file import STRETCH_FILE, stretch_bytes
 from bodycam_ros.replaying.worker_process import warm_up
@@ -56,9 +54,7 @@ from bodycam_ros.timing.clock_estimator import KnownClocks
 
 logger = logging.getLogger(__name__)
 
-_ALL_NS = -LAST_NS, LAST_NS
 _LATE_NS = 300_000_000  # that the images of one camera may be behind another's where a stretch ends
-_FOLLOWING_NS = 12_000_000_000  # states wait for ten seconds at most until limbs are observed again
 
 
 def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambda step, share: None) -> ReplaySummary:
@@ -102,20 +98,14 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
         # Static cameras observe what body cameras that are not on yet do not.
         solves_all = request.whole or bool(stations)
         window_ns, left_out = published_window(recording, mounted or recording.cameras, request.span, solves_all)
-        solved_ns, published_ns = window_ns, _ALL_NS
         if first is not None:
             first.check_recording(request.recording, recording.first_stamp_ns)
-            solved_ns, window_ns = _stretch_windows(first, request)
-            published_ns = solved_ns
-        parts_ns: Sequence[tuple[int, int]] = (window_ns,)
-        states_ns: Sequence[tuple[int, int]] = (published_ns,)
-        summary.recorded_s = lasting_s = part_s(solved_ns, recording)
-        if request.preview:
-            parts_ns = preview_windows(_bounded(recording, mounted, window_ns), request.preview)
-            summary.preview = preview_text(parts_ns, lasting_s)
-            summary.recorded_s = sum(part_s(each_ns, recording) for each_ns in parts_ns)
-            states_ns, parts_ns = parts_ns, with_margins(parts_ns)
-            lasting_s = part_s((parts_ns[0][0], parts_ns[-1][1]), recording)
+            windows = ReplayWindows.of_stretch(first, request.stretch, recording)
+        elif request.preview:
+            windows = ReplayWindows.of_preview(window_ns, request.preview, recording, mounted)
+        else:
+            windows = ReplayWindows.of_all(window_ns, recording)
+        summary.recorded_s, summary.preview = windows.solved_s, windows.preview
         sensor_paths = (request.recording, *request.imus) if recording.has_sensors or request.imus else ()
         imus = read_imus(sensor_paths, mounted, request.names) if settings.inertial.enabled and mounted else {}
         for remark in unused_sensors(body, imus):
@@ -129,16 +119,12 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             slim=request.slim,
             turns=camera_turns(body, imus),
             names=request.names,
-            windows_ns=tuple(parts_ns),
+            windows_ns=windows.read,
+            recorded_ahead_ns=recording.recorded_ahead_ns if request.preview else None,
+            anew_ns=windows.anew,
+            shares_readouts=first is not None,
         )
         workers = list[Worker]()
-        if first is not None:
-            # A stretch begins with what the whole recording begins anew with there.
-            anew_ns = tuple(stamp_ns for stamp_ns in first.anew_ns if stamp_ns > solved_ns[0])
-            task = replace(task, anew_ns=anew_ns, shares_readouts=True)
-        if request.preview:
-            anew_ns = tuple(part_ns[0] for part_ns in parts_ns[1:])
-            task = replace(task, anew_ns=anew_ns, recorded_ahead_ns=recording.recorded_ahead_ns)
         if request.stretch is None:
             workers = stack.enter_context(start_workers(task, mounted, request.jobs))
         # Matrices of some hundred rows: threads of the linear algebra would compete with each other and the workers.
@@ -154,7 +140,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
                 from bodycam_ros.static_cameras.detected_people import detect_start
 
                 on_people = partial(on_step, "people in the first images")
-                people = detect_start(recording.images(stations, window_ns), stations, on_people)
+                people = detect_start(recording.images(stations, windows.read[0]), stations, on_people)
             static_cameras = image_measurement(
                 outside,
                 stations,
@@ -172,7 +158,7 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             person,
             cameras,
             settings,
-            on_corrected=partial(_log, log, published_ns),
+            on_corrected=partial(_log, log, windows.published),
             equipment=coupling,
             on_together=partial(on_step, "all frames together"),
             static_cameras=static_cameras,
@@ -205,14 +191,13 @@ def replay(request: ReplayRequest, on_step: Callable[[str, float], None] = lambd
             else:
                 registered = merged_results(workers, settings.extension, reference_map)
         images_step = f"replay of {summary.recorded_s:.1f} s"
-        items = _with_images(registered, recording, stations, window_ns, counts_missing=request.stretch is None)
+        items = _with_images(registered, recording, stations, windows.read[0], counts_missing=request.stretch is None)
         outcome = _solve(
             items,
             skeleton,
             out,
-            published_ns,
-            states_ns,
-            lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(lasting_s, 1e-9)),
+            windows,
+            lambda stamp_ns: on_step(images_step, 1e-9 * (stamp_ns - summary.start_ns) / max(windows.ends_s, 1e-9)),
         )
         if request.stretch is not None and first is not None:
             record = out.record(request.stretch, first.count, outcome)
@@ -248,8 +233,7 @@ def _solve(
     items: Iterable[Result | CameraImage],
     skeleton: SkeletonPipeline,
     out: ReplayOutput,
-    published_ns: tuple[int, int],
-    states_ns: Sequence[tuple[int, int]],
+    windows: ReplayWindows,
     on_image: Callable[[int], None],
 ) -> SolverOutcome:
     """Solve images in the order in which they were recorded, and write what is in the window that is published.
@@ -258,22 +242,21 @@ def _solve(
         items: what came of each.
         skeleton: solves them.
         out: takes images and states.
-        published_ns: first stamp of the window, and the stamp after its last [ns].
-        states_ns: the same of parts of the window, in which states are published.
+        windows: what of it is published.
         on_image: called with the stamp of each [ns].
 
     Returns:
         What was counted in the window.
     """
-    begin_ns, end_ns = published_ns
+    begin_ns, end_ns = windows.published
     before = within = None
     is_over = False
     left_out = 0
 
     def write(outputs: Iterable[BodyOutput]) -> None:
         nonlocal left_out
-        wanted = [output for output in outputs if _is_in(output.state.stamp_ns, published_ns)]
-        published = [output for output in wanted if any(_is_in(output.state.stamp_ns, part) for part in states_ns)]
+        wanted = [output for output in outputs if _is_in(output.state.stamp_ns, windows.published)]
+        published = [output for output in wanted if any(_is_in(output.state.stamp_ns, part) for part in windows.states)]
         left_out += len(wanted) - len(published)
         out.write_states(published)
 
@@ -297,13 +280,6 @@ def _solve(
     return replace(counted, frames=counted.frames - left_out)
 
 
-def _bounded(recording: Recording, cameras: Collection[str], window_ns: tuple[int, int]) -> tuple[int, int]:
-    """The part of a window in which there are images of some cameras [ns]."""
-    spans_ns = list(recording.camera_spans(cameras).values()) or [window_ns]
-    begin_ns, end_ns = min(begin for begin, _ in spans_ns), max(end for _, end in spans_ns) + 1
-    return max(window_ns[0], begin_ns), min(window_ns[1], end_ns)
-
-
 def _log(log: CameraPoseLog, window_ns: tuple[int, int], matches: LandmarkMatches) -> None:
     if _is_in(matches.stamp_ns, window_ns):
         log.add_registration(matches)
@@ -311,15 +287,6 @@ def _log(log: CameraPoseLog, window_ns: tuple[int, int], matches: LandmarkMatche
 
 def _is_in(stamp_ns: int, window_ns: tuple[int, int]) -> bool:
     return window_ns[0] <= stamp_ns < window_ns[1]
-
-
-def _stretch_windows(first: FirstPass, request: ReplayRequest) -> tuple[tuple[int, int], tuple[int, int]]:
-    """Windows of what is published of a stretch, and of the images that are read for it [ns]."""
-    whole_ns = first.bounds_ns[0], first.bounds_ns[-1]
-    if request.stretch is None:
-        return whole_ns, whole_ns
-    begin_ns, end_ns = first.stretch_ns(request.stretch)
-    return (begin_ns, end_ns), (max(whole_ns[0], begin_ns - LEAD_NS), min(whole_ns[1], end_ns + _FOLLOWING_NS))
 
 
 def _with_images(
